@@ -39,10 +39,10 @@ def find_deviations(
         The recording.
     scales : ndarray of shape (n_columns,)
         dB per unit of each column, as of `columns_of`.
-    references : (ndarray, ndarray, ndarray), each of shape (n_positions,)
+    references : (ndarray, ndarray, ndarray), each of shape (n_columns,)
         Positions of the nearest class, and of the least and the largest training value; NaN where
         they are not known.
-    spread : ndarray of shape (n_positions,)
+    spread : ndarray of shape (n_columns,)
         Standard deviations of the positions within the classes; NaN where they are not known.
 
     Returns
@@ -51,23 +51,19 @@ def find_deviations(
         Differences from the mean of the nearest class ("deviation") and from the "least" and the
         "largest" value of the training; "outside_training", the deviation from this range:
         positive above, negative below, 0 within; their "unit", "dB" or "standard deviations"; and
-        "level" and "reference_level" of the class [dB]. NaN where they are not known, as of columns
-        that a selection dropped.
+        "level" and "reference_level" of the class [dB]. NaN where they are not known.
     """
-    place = np.full(len(row), -1)
-    place[trace.sources[::-1]] = np.arange(len(trace.sources))[::-1]
     found = trace.positions(row[np.newaxis])[0]
     by_level = np.array([_in_decibels(trace, row, scales, found, each) for each in references])
     with np.errstate(all="ignore"):
         by_spread = (found - np.array(references)) / spread
         levels = np.where(np.isinf(scales), 10 * np.log10(row), row * scales)
-    exact = (place >= 0) & np.isfinite(by_level[0, place])
-    mean, least, largest = np.where(exact, by_level[:, place], by_spread[:, place])
+    exact = np.isfinite(by_level[0])
+    mean, least, largest = np.where(exact, by_level, by_spread)
     table = pd.DataFrame({"deviation": mean, "least": least, "largest": largest})
     table["outside_training"] = np.where(largest > 0, largest, np.minimum(least, 0))
     table["level"] = np.where(exact, levels, np.nan)
     table["reference_level"] = table["level"] - mean
-    table[place < 0] = np.nan
     return table.assign(unit=np.where(exact, "dB", "standard deviations"))
 
 
@@ -76,7 +72,7 @@ def _in_decibels(
 ) -> Array:
     """Return the differences from reference positions [dB]; NaN where they cannot be determined.
 
-    Each position depends on one column, so that all can be changed at once, by 10 dB.
+    Each position depends on its own column, so that all can be changed at once, by 10 dB.
     """
     power = np.isinf(scales)
     with np.errstate(all="ignore"):
@@ -86,15 +82,13 @@ def _in_decibels(
             for sign in (1, -1)
         ]
         up, down = (trace.positions(x[np.newaxis])[0] - found for x in changed)
-        own_row, own_scale = row[trace.sources], scales[trace.sources]
         logarithmic = np.abs(up + down) <= 1e-6 * np.abs(up)
         decibels = (found - reference) * 10.0 / up
         # In a position that is linear in the power, ten times the power adds nine times as much.
-        linear = np.isinf(own_scale) & (np.abs(up + factor * down) <= 1e-6 * np.abs(up))
-        before = own_row - (found - reference) / up * (factor - 1) * own_row
-        by_power = 10 * np.log10(own_row / before)
+        linear = power & (np.abs(up + factor * down) <= 1e-6 * np.abs(up))
+        by_power = -10 * np.log10(1 - (found - reference) / up * (factor - 1))
     result = np.where(logarithmic, decibels, np.where(linear, by_power, np.nan))
-    return np.where(np.isnan(own_scale) | ~np.isfinite(result), np.nan, result)
+    return np.where(np.isnan(scales) | ~np.isfinite(result), np.nan, result)
 
 
 @dataclass(frozen=True)
@@ -315,7 +309,7 @@ def class_deviations(
         "deviation" from the mean of the class, its "unit" ("dB" for powers, exactly, and "standard
         deviations" for other features), the same in "sigmas" (standard deviations within the
         class), "level" of the recording and "reference_level" of the class [dB; NaN for other
-        features]. NaN for columns that a selection has dropped.
+        features].
 
     Raises
     ------
@@ -344,8 +338,8 @@ def class_deviations(
     row, unknown = values[0], np.full(len(mean), np.nan)
     scales, references = opened.scales(len(row)), (mean, unknown, unknown)
     found = find_deviations(trace, row, scales, references, spread)
-    sigmas = find_deviations(trace, row, np.full(len(row), np.nan), references, spread)
-    found.insert(1, "sigmas", sigmas["deviation"])
+    with np.errstate(all="ignore"):
+        found["sigmas"] = (trace.positions(values)[0] - mean) / spread
     return bins.join(found[["deviation", "unit", "sigmas", "level", "reference_level"]])
 
 

@@ -8,13 +8,12 @@ not by the bearing. These functions quantify it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations, pairwise
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import softmax
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.truths import label_list, label_positions
@@ -28,16 +27,13 @@ from emacm.explanations.opened_pipelines import OpenedPipeline, one_recording
 
 Array = NDArray[np.float64]
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
-_NODES, _WEIGHTS = (_NODES + 1) / 2, _WEIGHTS / 2  # Gauss-Legendre quadrature from 0 to 1
-
 
 def explain_decision(
     pipeline: Any, x: Any, *, decision: Any = None, against: Any = None, background: Any = None
 ) -> pd.DataFrame:
     """Explain a decision on one recording by order bins, or by other named features.
 
-    The explained quantity (log odds or expected cost) is distributed over the bins by integrated
+    The log odds of two classes are distributed over the bins by integrated
     gradients [1]_ along the straight line from a baseline, which represents the alternative,
     to the recording. The contributions add up to the quantity at the recording minus that at the
     baseline; a bin with the same value at both has the contribution 0.
@@ -51,10 +47,10 @@ def explain_decision(
         Input of the pipeline: a recording (or a list of one), or a row of a table if the pipeline
         starts after the bins.
     decision : label, optional
-        Class or decision to explain. Default: the decision of the pipeline.
+        Class to explain, or the unknown state. Default: the decision of the pipeline, or the most
+        probable class if this decision is not a class ("inspect", or a family).
     against : label, optional
-        The alternative. Default: the most probable other class; if the decision is not a class,
-        or some class is not a decision, the decision with the next higher risk.
+        The alternative. Default: the most probable other class.
     background : recordings or table, optional
         Recordings of the class that represents the alternative, for example training recordings;
         their mean is the baseline. Default: the point nearest to the recording whose
@@ -79,14 +75,10 @@ def explain_decision(
 
     Notes
     -----
-    For two classes, the log odds log P(decision | x) - log P(against | x) [nats] are explained,
-    without any cost. They are quadratic in the features, so the gradient is linear along the
-    line and its mean is the gradient at the midpoint: exact, without numerical integration. If one
-    of the two is not a class ("inspect"), the difference in expected cost, risk(against) -
-    risk(decision) [unit of the cost], is explained, by numerical integration; the baseline is
-    then the class for which `against` is best compared with `decision`. If some class is not a
-    decision (decisions are families, classes are their states), two decisions are always compared
-    by cost, even if they have the names of classes.
+    The log odds log P(decision | x) - log P(against | x) [nats] are explained, without any cost.
+    They are quadratic in the features, so the gradient is linear along the line and its mean is the
+    gradient at the midpoint: exact, without numerical integration. A decision to inspect means that
+    no class is probable enough: the two most probable ones are compared.
 
     If one of the two is the unknown state, the squared distance from the nearest class is
     explained, in the metric of `CostSensitiveGaussianBayes.typicality`; the baseline is that class.
@@ -125,13 +117,11 @@ def explain_decision(
     """
     x = one_recording(x)
     opened = OpenedPipeline.of(pipeline, x)
-    classifier = opened.classifier
-    traced = _Traced.of(opened, x)
+    classifier, traced = opened.classifier, _Traced.of(opened, x)
+    classes = classifier.classes_.tolist()
     decision, against = _question(classifier, traced.features, decision, against)
-    if _with_unknown(classifier, decision, against):
-        costs, code = None, int(classifier.distances_.nearest(traced.features)[0])
-    else:
-        costs, code = _saved_costs(classifier, decision, against)
+    with_unknown = classifier.unknown is not None and classifier.unknown in (decision, against)
+    code = classes.index(against) if not with_unknown else traced.nearest(classifier)
     others, centre = None, None
     if background is not None:
         values = opened.table(background)[0]
@@ -140,38 +130,28 @@ def explain_decision(
         others = traced.trace.positions(values)
         centre = others.mean(axis=0)
     step, start, end = traced.lines(classifier, code, centre)
-    if _with_unknown(classifier, decision, against):
-        distances, nearest = classifier.distances_, classifier.classes_.tolist()[code]
+    attrs = {"decision": decision, "against": against, "baseline": classes[code]}
+    if with_unknown:
+        distances = classifier.distances_
         slope = distances.square_gradient((start + end) / 2, code)
         value, baseline = (distances.squares(z, code)[0] for z in (end, start))
-        quantity = f"squared distance from {nearest!r}, the nearest class [standard deviations]"
-    elif costs is None:
-        own = classifier.classes_.tolist().index(decision)
+        quantity = f"squared distance from {classes[code]!r}, the nearest class"
+        quantity += " [standard deviations]"
+    else:
+        own = classes.index(decision)
         slope = mean_slope_of_log_odds(classifier, start, end, own, code)
         value, baseline = (log_odds(classifier, z, own, code)[0] for z in (end, start))
         quantity = f"log odds of {decision!r} against {against!r} [nats]"
-    else:
-        slope = mean_slope_of_cost(classifier, start, end, costs)
-        value, baseline = (cost_saved(classifier, z, costs)[0] for z in (end, start))
-        quantity = f"expected cost saved by deciding {decision!r} instead of {against!r}"
+    attrs |= {"quantity": quantity, "value": float(value), "baseline_value": float(baseline)}
     table = traced.bins.assign(contribution=traced.split(step, slope)[0])
-    statements = {}
-    if _with_unknown(classifier, decision, against):
-        scales = opened.scales(len(table))
-        deviations = traced.deviations(classifier, scales, step, others)
-        statements["statements"] = [PROJECTED]
+    if with_unknown:
+        deviations = traced.deviations(classifier, opened.scales(len(table)), step, others)
+        attrs["statements"] = [PROJECTED]
         if others is not None or not traced.trace.linear:
-            statements["statements"] = unknown_statements(table.join(deviations), str(nearest))
+            attrs["statements"] = unknown_statements(table.join(deviations), str(classes[code]))
         table = table.join(deviations[["deviation", "outside_training", "unit"]])
     table = _ranked(table)
-    table.attrs = statements | {
-        "decision": decision,
-        "against": against,
-        "baseline": classifier.classes_.tolist()[code],
-        "quantity": quantity,
-        "value": float(value),
-        "baseline_value": float(baseline),
-    }
+    table.attrs = attrs
     return table
 
 
@@ -282,6 +262,10 @@ class _Traced:
                 step = step @ np.linalg.pinv(matrix).T
         return step, end - step @ matrix.T, end
 
+    def nearest(self, classifier: CostSensitiveGaussianBayes) -> int:
+        """Return the index of the class nearest to the first recording."""
+        return int(classifier.distances_.nearest(self.features)[0])
+
     def deviations(
         self,
         classifier: CostSensitiveGaussianBayes,
@@ -306,7 +290,7 @@ class _Traced:
 
     def split(self, step: Array, slope: Array) -> Array:
         """Distribute the explained quantity over the bins, shape (n_recordings, n_bins)."""
-        return self.trace.by_column(step * (slope @ self.trace.matrix), len(self.bins))
+        return step * (slope @ self.trace.matrix)
 
 
 def _ranked(table: pd.DataFrame) -> pd.DataFrame:
@@ -321,64 +305,21 @@ def _ranked(table: pd.DataFrame) -> pd.DataFrame:
 def _question(
     classifier: CostSensitiveGaussianBayes, features: Array, decision: Any, against: Any
 ) -> tuple[Any, Any]:
-    """Return the two labels that are compared."""
-    classes, decisions = classifier.classes_.tolist(), classifier.decisions_.tolist()
+    """Return the two labels that are compared: classes, or one of them the unknown state."""
+    classes = classifier.classes_.tolist()
+    known = classes if classifier.unknown is None else [*classes, classifier.unknown]
     for name, label in (("decision", decision), ("against", against)):
-        if label is not None and label not in classes and label not in decisions:
-            raise ValueError(
-                f"{name} must be one of the classes {classes} or decisions {decisions}, "
-                f"got {label!r}."
-            )
+        if label is not None and label not in known:
+            raise ValueError(f"{name} must be one of {known}, got {label!r}.")
+    ranked = [classes[i] for i in np.argsort(-joint_log_proba(classifier, features)[0])]
     if decision is None:
-        decision = classifier.predict(with_names(classifier, features)).tolist()[0]
+        decided = classifier.predict(with_names(classifier, features)).tolist()[0]
+        decision = decided if decided in known else next(k for k in ranked if k != against)
     if against is None:
-        if _as_classes(classifier, decision):
-            merit, labels = joint_log_proba(classifier, features)[0], classes
-        else:
-            merit, labels = -classifier.risk(with_names(classifier, features))[0], decisions
-        others = [i for i, label in enumerate(labels) if label != decision]
-        if not others:
-            raise ValueError(f"there is no alternative to {decision!r}. Give against=...")
-        against = labels[max(others, key=lambda i: merit[i])]
+        against = next((label for label in ranked if label != decision), decision)
     if decision == against:
         raise ValueError(f"decision and against must differ, both are {decision!r}.")
-    pair = (decision, against)
-    if _as_classes(classifier, *pair):
-        never = [k for k in pair if not classifier.priors_[classes.index(k)] > 0]
-        if never:
-            raise ValueError(f"class {never[0]!r} has the prior 0, so its log odds are infinite.")
-    elif not all(label in decisions for label in pair):
-        raise ValueError(
-            f"{decision!r} and {against!r} cannot be compared: both must be classes {classes}, "
-            f"or both must be decisions {decisions}."
-        )
-    return pair
-
-
-def _as_classes(classifier: CostSensitiveGaussianBayes, *labels: Any) -> bool:
-    """Return whether labels are compared as classes (by odds) and not as decisions (by cost)."""
-    classes, decisions = set(classifier.classes_.tolist()), set(classifier.decisions_.tolist())
-    return classes.issuperset(labels) and (classes <= decisions or not decisions.issuperset(labels))
-
-
-def _with_unknown(classifier: CostSensitiveGaussianBayes, *labels: Any) -> bool:
-    """Return whether one of the labels is the unknown state, which has no density."""
-    return classifier.unknown is not None and classifier.unknown in labels
-
-
-def _saved_costs(
-    classifier: CostSensitiveGaussianBayes, decision: Any, against: Any
-) -> tuple[Array | None, int]:
-    """Return the cost saved by the decision for each class, and the class of the baseline.
-
-    For two classes, costs are not used (None), and the baseline is the other class.
-    """
-    if _as_classes(classifier, decision, against):
-        return None, classifier.classes_.tolist().index(against)
-    decisions, known = classifier.decisions_.tolist(), len(classifier.classes_)
-    cost = classifier.cost_[:, :known]  # given that the true state is one of the classes
-    saved = cost[decisions.index(against)] - cost[decisions.index(decision)]
-    return saved, int(np.argmin(np.where(classifier.priors_ > 0, saved, np.inf)))
+    return decision, against
 
 
 def _class_codes(
@@ -403,11 +344,6 @@ def log_odds(
     """Return the log odds of one class (by index) against another [nats], shape (n_recordings,)."""
     joint = joint_log_proba(classifier, features)
     return joint[:, code] - joint[:, other]
-
-
-def cost_saved(classifier: CostSensitiveGaussianBayes, features: Array, costs: Array) -> Array:
-    """Return the expectation of costs of the classes, shape (n_recordings,)."""
-    return softmax(joint_log_proba(classifier, features), axis=1) @ costs
 
 
 def mean_slope_of_log_odds(
@@ -441,68 +377,3 @@ def mean_slope_of_log_odds(
     middle = (start + end) / 2  # the gradient is linear along the line
     slopes = classifier.log_density_gradient(with_names(classifier, middle))
     return slopes[:, code] - slopes[:, other]
-
-
-def mean_slope_of_cost(
-    classifier: CostSensitiveGaussianBayes, start: Array, end: Array, costs: Array
-) -> Array:
-    """Return the mean gradient of an expected cost along one line.
-
-    Parameters
-    ----------
-    classifier : CostSensitiveGaussianBayes
-        Fitted.
-    start, end : ndarray of shape (1, n_features)
-        Ends of the line.
-    costs : ndarray of shape (n_classes,)
-        Cost if a class is true.
-
-    Returns
-    -------
-    ndarray of shape (1, n_features)
-        Unit of the cost per unit of the feature.
-
-    Examples
-    --------
-    >>> model = CostSensitiveGaussianBayes().fit([[0.0], [2.0], [5.0], [9.0]], [0, 0, 1, 1])
-    >>> start, end, costs = np.array([[1.0]]), np.array([[6.0]]), np.array([0.0, 10.0])
-    >>> total = mean_slope_of_cost(model, start, end, costs) * (end - start)
-    >>> change = cost_saved(model, end, costs) - cost_saved(model, start, costs)
-    >>> bool(np.isclose(total[0, 0], change[0]))
-    True
-    """
-    step, total = end - start, np.zeros(start.shape[1])
-    for low, high in pairwise([0.0, *_breakpoints(classifier, start, end), 1.0]):
-        points = start + (low + (high - low) * _NODES[:, np.newaxis]) * step
-        posterior = softmax(joint_log_proba(classifier, points), axis=1)
-        change = posterior * (costs - posterior @ costs[:, np.newaxis])  # per log density
-        slopes = classifier.log_density_gradient(with_names(classifier, points))
-        total += (high - low) * np.einsum("n,nk,nkf->f", _WEIGHTS, change, slopes)
-    return total[np.newaxis]
-
-
-def _breakpoints(
-    classifier: CostSensitiveGaussianBayes,
-    start: Array,
-    end: Array,
-    *,
-    range_of_odds: float = 40.0,
-    step: float = 20.0,
-) -> list[float]:
-    """Return points between which the log odds of any two probable classes change little.
-
-    A posterior changes only while log odds are within `range_of_odds` [nats]. This part may be much
-    shorter than the line; it is divided into steps [nats].
-    """
-    line = np.concatenate([start, (start + end) / 2, end])
-    first, middle, last = joint_log_proba(classifier, line)[:, classifier.priors_ > 0]
-    parabolas = np.array([2 * (first + last - 2 * middle), 4 * middle - 3 * first - last, first])
-    points = set()
-    for pair in combinations(range(len(first)), 2):
-        for level in np.arange(-range_of_odds, range_of_odds + step, step):
-            # Complex roots mark where the log odds are nearest to the level.
-            for root in np.roots(parabolas[:, pair] @ [1, -1] - [0, 0, level]).real:
-                joint = np.polyval(parabolas, root)
-                if 0 < root < 1 and joint[list(pair)].max() >= joint.max() - range_of_odds:
-                    points.add(float(root))
-    return sorted(points)

@@ -26,20 +26,17 @@ class FeatureTrace:
     ----------
     elementwise, linear : tuple of (name, transformer)
         The fitted steps of each kind.
-    sources : ndarray of int, shape (n_positions,)
-        Column of the table on which each output of the element-wise steps depends. These
-        outputs are called positions.
-    matrix : ndarray of shape (n_features, n_positions)
-        Matrix of the linear steps, which is applied to the positions.
+    matrix : ndarray of shape (n_features, n_columns)
+        Matrix of the linear steps, which is applied to the outputs of the element-wise steps.
+        These outputs, one for each column of the table, are called positions.
     """
 
     elementwise: Steps
     linear: Steps
-    sources: NDArray[np.intp]
     matrix: Array
 
     def positions(self, table: Array) -> Array:
-        """Apply the element-wise steps, shape (n_recordings, n_positions)."""
+        """Apply the element-wise steps, shape (n_recordings, n_columns)."""
         for _, step in self.elementwise:
             table = apply_step(step, table)
         return table
@@ -49,12 +46,6 @@ class FeatureTrace:
         for _, step in self.linear:
             positions = apply_step(step, positions)
         return positions
-
-    def by_column(self, contributions: Array, n_columns: int) -> Array:
-        """Add the contributions of the positions that depend on the same column of the table."""
-        columns = np.zeros((len(contributions), n_columns))
-        np.add.at(columns.T, self.sources, contributions.T)
-        return columns
 
 
 def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTrace:
@@ -75,7 +66,7 @@ def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTra
     Raises
     ------
     ValueError
-        If a step is neither element-wise (each output depends on one column) nor linear,
+        If a step is neither element-wise (each output depends on its own column) nor linear,
         is nonlinear after a step that mixes columns, or gives a value that is not finite; the
         message gives its name.
 
@@ -90,10 +81,9 @@ def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTra
     (['scaler'], True)
     """
     row = np.asarray(table, dtype=np.float64)[:1]
-    sources = np.arange(row.shape[1])
     elementwise: list[tuple[str, Any]] = []
     linear: list[tuple[str, Any]] = []
-    matrix = np.eye(len(sources))
+    matrix = np.eye(row.shape[1])
     for name, step in steps:
         if step is None or isinstance(step, str):
             continue
@@ -103,16 +93,13 @@ def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTra
                 f"step {name!r} ({type(step).__name__}) gives a value that is not finite, such as "
                 f"the logarithm of a channel without power. Check the channels of the recording."
             )
-        own = None if linear else _own_sources(step, row)
-        if own is not None:
+        if not linear and _is_elementwise(step, row):
             elementwise.append((name, step))
-            sources = sources[own]
-            matrix = np.eye(len(sources))
         else:
             matrix = _linear_part(name, step, row) @ matrix
             linear.append((name, step))
         row = after
-    return FeatureTrace(tuple(elementwise), tuple(linear), sources, matrix)
+    return FeatureTrace(tuple(elementwise), tuple(linear), matrix)
 
 
 def apply_step(step: Any, values: Array) -> Array:
@@ -127,20 +114,15 @@ def with_names(estimator: Any, values: Array) -> Any:
     return values if names is None else pd.DataFrame(values, columns=names)
 
 
-def _own_sources(step: Any, row: Array) -> NDArray[np.intp] | None:
-    """Return the one column that each output depends on; None if columns are mixed."""
-    if hasattr(step, "get_support"):  # scikit-learn's selectors
-        return np.flatnonzero(step.get_support())
+def _is_elementwise(step: Any, row: Array) -> bool:
+    """Return whether each output depends on the column in its place only."""
     # One per cent more leaves a positive value positive, so that its logarithm exists.
     responses, size = _responses(step, row, np.where(row[0] == 0, 1e-3, 0.01 * row[0]))
     strength = np.abs(responses)
+    if strength.shape[0] != strength.shape[1] or not np.isfinite(strength).all():
+        return False
     responds = strength > 1e-9 * strength.max(axis=1, keepdims=True) + 1e-13 * size
-    if not np.isfinite(responses).all() or (responds.sum(axis=0) > 1).any():
-        return None
-    constant = ~responds.any(axis=0)  # for example at the floor of a logarithm
-    if constant.any() and len(constant) != row.shape[1]:
-        return None
-    return np.where(constant, np.arange(len(constant)), responds.argmax(axis=0))
+    return not np.any(responds & ~np.eye(len(responds), dtype=bool))
 
 
 def _linear_part(name: str, step: Any, row: Array) -> Array:

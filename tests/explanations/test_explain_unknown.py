@@ -45,9 +45,3 @@ def test_contributions_add_up_to_the_squared_distance(model):
     value, baseline = (table.attrs[name] for name in ("value", "baseline_value"))
     assert table["contribution"].sum() == pytest.approx(value - baseline)
     assert value > 100
-
-
-def test_decisions_by_cost_are_explained_given_a_known_state(model):
-    table = explain_decision(model, recording(), decision="worn", against="inspect")
-    assert "expected cost" in table.attrs["quantity"]
-    assert np.isfinite(table["contribution"]).all()
