@@ -14,7 +14,7 @@ import numpy as np
 import scipy  # scipy.signal and scipy.fft are imported when they are used
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_count, check_finite, check_number, check_real_array
+from emacm._checks import check_count, check_number, check_signal
 from emacm.shaft.motion import BLOCK, LazySeries, Series
 
 Array = NDArray[np.float64]
@@ -98,7 +98,9 @@ def kurtogram(signal: ArrayLike | Series, fs: float, *, levels: int | None = Non
     True
     """
     fs = check_number(fs, "fs", above=0, unit="Hz")
-    values: Any = signal if isinstance(signal, LazySeries) else _checked(np.asarray(signal))
+    values: Any = (
+        signal if isinstance(signal, LazySeries) else check_signal(np.asarray(signal), "signal")
+    )
     n_taps = 8  # of the filter of a band, times the number of bands
     most, fewest = 9, 64  # levels; values of a band: of fewer, kurtosis is chance
     halves = [2 ** (k // 2) * (8, 12)[k % 2] for k in range(most)]
@@ -156,7 +158,7 @@ def spectral_kurtosis(
     True
     """
     fs = check_number(fs, "fs", above=0, unit="Hz")
-    values = _checked(signal)
+    values = check_signal(signal, "signal")
     check_count(n_per_segment, "n_per_segment", at_least=8)
     if len(values) < 8 * n_per_segment:
         raise ValueError(
@@ -208,11 +210,3 @@ def _ratio(moments: Array, count: int) -> Array:
             "the channel out, or give a band."
         )
     return count * fourth / second**2 - 2
-
-
-def _checked(signal: ArrayLike) -> NDArray[np.floating]:
-    values = check_real_array(signal, "signal")
-    if values.ndim != 1:
-        raise ValueError(f"signal must be one-dimensional, got shape {values.shape}.")
-    check_finite(values, "signal")
-    return values

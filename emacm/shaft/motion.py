@@ -436,12 +436,6 @@ def _sections(
     velocity: NDArray[np.floating], min_speed: float, max_gap: float
 ) -> Iterator[tuple[int, int, int]]:
     """Yield first sample, last + 1 and direction of the strokes within one block."""
-    if velocity.min() > min_speed:
-        yield 0, len(velocity), 1
-        return
-    if velocity.max() < -min_speed:
-        yield 0, len(velocity), -1
-        return
     turning = np.flatnonzero(np.abs(velocity) > min_speed)
     if not len(turning):
         return
@@ -527,9 +521,8 @@ def _largest(speed: NDArray[np.floating], limit: NDArray[np.floating], fs: float
     if not len(jumps):
         return None
     # A jump of an angle shows in two samples of its central difference.
-    angles = [float(speed[max(k - 1, 0) : k + 2].sum()) / fs for k in jumps]
-    place = int(np.argmax(angles))
-    return Jump(int(jumps[place]), angles[place])
+    found = [Jump(int(k), float(speed[max(k - 1, 0) : k + 2].sum()) / fs) for k in jumps]
+    return max(found, key=lambda jump: jump.angle)
 
 
 def _neighbours(speed: NDArray[np.floating], width: int, reach: int) -> NDArray[np.floating]:

@@ -77,7 +77,9 @@ def refined_speed(
     n_times = len(white.signal)
     times = np.arange(n_times) / white.fs
     speed = _along(times, course)
-    analytic = _analytic(white.signal)
+    spectrum = fft.fft(white.signal)
+    spectrum[(n_times + 1) // 2 :] = 0  # positive frequencies only
+    analytic: NDArray[np.complex128] = fft.ifft(spectrum)
     window = course.duration / (4 if course.duration >= 1 else 2)
     hop = max(1, int(window * white.fs / 2))
     for _ in range(settings.rounds):
@@ -87,9 +89,7 @@ def refined_speed(
         speed = speed + np.interp(times, centres, np.where(trusted, change, 0.0))
     turns = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2)]) / white.fs
     *_, (agreed, shift) = _phase_speeds(analytic, turns, orders, hop, white.fs, settings)
-    if shift:
-        analytic = analytic * np.exp(-2j * np.pi * shift * times)
-    lines = _demodulated(analytic, turns, agreed)
+    lines = _demodulated(analytic * np.exp(-2j * np.pi * shift * times), turns, agreed)
     gap = float(np.diff(orders, prepend=0.0).min())
     return speed, steady_seconds(lines, turns, gap, course.reliable, white.fs, settings=settings)
 
@@ -97,14 +97,11 @@ def refined_speed(
 def _along(times: Array, course: Course) -> Array:
     """Interpolate the trusted speeds; a single frame goes on at its rate of change."""
     at, speeds = course.times[course.trusted], course.speeds[course.trusted]
-    if len(at) > 1:
-        inner = np.clip(times, at[0], at[-1])
-        found: Array = PchipInterpolator(at, speeds)(inner)
-        ends = course.rates[course.trusted][[0, -1]] * speeds[[0, -1]]
-        beyond = np.clip(times - inner, -course.duration / 2, course.duration / 2)
-        return found + np.where(beyond < 0, ends[0], ends[1]) * beyond
-    reach = np.clip(times - at[0], -course.duration / 2, course.duration / 2)
-    return speeds[0] * (1 + course.rates[course.trusted][0] * reach)
+    inner = np.clip(times, at[0], at[-1])
+    found: Array = PchipInterpolator(at, speeds)(inner) if len(at) > 1 else speeds
+    ends = course.rates[course.trusted][[0, -1]] * speeds[[0, -1]]
+    beyond = np.clip(times - inner, -course.duration / 2, course.duration / 2)
+    return found + np.where(beyond < 0, ends[0], ends[1]) * beyond
 
 
 def _phase_speeds(
@@ -165,9 +162,8 @@ def _demodulated(
     From one order to the next, the signal is multiplied by a wave, which is the same for equal
     steps: the exponential of a wave costs ten times its product.
     """
-    steps = np.diff(orders, prepend=0.0)
     last, wave = 0.0, analytic
-    for step in steps:
+    for step in np.diff(orders, prepend=0.0):
         if step != last:
             turn = np.exp(-2j * np.pi * step * turns)
             last = step
@@ -195,17 +191,10 @@ def _lines_of_shaft(
     votes[len(orders) :] -= 2
     votes[np.abs(changes) > settings.furthest * speed] = 0
     best = int(np.argmax(votes))  # the lowest order of equals
-    if best < len(orders):
-        return np.asarray(agreed[best]), 0.0
-    chosen = agreed[best]
-    return np.asarray(chosen), float(np.polyfit(orders[chosen], moved[chosen], 1)[1])
-
-
-def _analytic(signal: Array) -> NDArray[np.complex128]:
-    """Return the signal with positive frequencies only."""
-    spectrum: NDArray[np.complex128] = fft.fft(signal)
-    spectrum[(len(signal) + 1) // 2 :] = 0
-    return np.asarray(fft.ifft(spectrum), complex)
+    chosen = np.asarray(agreed[best])
+    sidebands = best >= len(orders)
+    shift = np.polyfit(orders[chosen], moved[chosen], 1)[1] if sidebands else 0.0
+    return chosen, float(shift)
 
 
 def steady_seconds(

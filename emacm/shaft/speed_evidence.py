@@ -106,7 +106,8 @@ def whiten(
     kept = int(np.searchsorted(frequencies, highest)) + 1
     # The background is the power between the lines, over frequency.
     n_frame = min(n_times, int(settings.background_frame * fs)) // 2 * 2
-    mean = _powers(signal, n_frame, np.zeros(1), fs, highest)[0][:, 0].mean(axis=0)
+    n_bins = int(highest * n_frame / fs) + 2
+    mean = _powers(signal, n_frame, np.zeros(1), fs)[0][:, 0, :n_bins].mean(axis=0)
     size = 2 * max(4, round(smoothing * n_frame / fs)) + 1
     background = ndimage.median_filter(mean, size, mode="nearest")
     level = np.interp(frequencies[:kept], np.arange(len(mean)) * (fs / n_frame), background)
@@ -226,9 +227,7 @@ def _mains_lines(
     return found
 
 
-def _powers(
-    signal: Array, n_frame: int, rates: Array, fs: float, highest: float | None = None
-) -> tuple[Array, NDArray[np.intp]]:
+def _powers(signal: Array, n_frame: int, rates: Array, fs: float) -> tuple[Array, NDArray[np.intp]]:
     """Return powers of shape (n_frames, n_rates, n_bins) of frames warped by each rate."""
     starts = np.arange(0, len(signal) - n_frame + 1, n_frame // 2)
     if starts[-1] + n_frame < len(signal):  # a last frame that ends with the signal
@@ -236,10 +235,7 @@ def _powers(
     frames = np.lib.stride_tricks.sliding_window_view(signal, n_frame)[starts]
     window = np.hanning(n_frame + 2)[1:-1]
     window /= np.sqrt(np.sum(window**2))
-    n_bins = n_frame // 2 + 1
-    if highest is not None:
-        n_bins = min(n_bins, int(highest * n_frame / fs) + 2)
-    powers = np.empty((len(starts), len(rates), n_bins))
+    powers = np.empty((len(starts), len(rates), n_frame // 2 + 1))
     centred = (np.arange(n_frame) - (n_frame - 1) / 2) / fs
     for number, rate in enumerate(rates):
         warped = frames
@@ -250,7 +246,7 @@ def _powers(
             left = np.minimum(place.astype(np.intp), n_frame - 2)
             part = place - left
             warped = frames[:, left] * (1 - part) + frames[:, left + 1] * part
-        spectrum = fft.rfft(warped * window, axis=1)[:, :n_bins]
+        spectrum = fft.rfft(warped * window, axis=1)
         powers[:, number] = spectrum.real**2 + spectrum.imag**2
     return powers, starts
 

@@ -76,9 +76,8 @@ def pulse_times(
     fired = decided[1:][above[1:] & ~above[:-1]]
     if not len(fired):
         raise ValueError(
-            f"tacho must hold at least one {edge} edge through {level:.6g} ± {half:.6g}, got none "
-            f"in values from {signal.min():.6g} to {signal.max():.6g}. "
-            f"Set threshold and hysteresis, or check the sensor."
+            f"tacho must cross {level:.6g} ± {half:.6g} by a {edge} edge, got none in values from "
+            f"{signal.min():.6g} to {signal.max():.6g}. Set threshold and hysteresis."
         )
     crossing = np.flatnonzero((height[:-1] < 0) & (height[1:] >= 0))
     last = crossing[np.searchsorted(crossing, fired) - 1]
@@ -238,36 +237,26 @@ def angle_from_tacho(
 def _tacho_levels(signal: Angle) -> tuple[float, float]:
     """Low and high level of a tacho channel, by percentiles that a few spikes do not move."""
     low, high = (float(level) for level in np.percentile(signal, (0.1, 99.9)))
-    span = float(np.ptp(signal))
-    if span == 0:
-        raise ValueError(
-            f"tacho must hold pulses, got a flat channel, {signal[0]:.6g} throughout. "
-            f"Check the sensor and the channel."
-        )
-    if high - low < span / 2:
+    if not high - low >= np.ptp(signal) / 2 > 0:
         raise ValueError(
             f"tacho must have two levels, got 99.8 % of its samples between {low:.6g} and "
-            f"{high:.6g} and peaks as far as {signal[np.abs(signal - low).argmax()]:.6g}: narrow "
-            f"pulses or stray spikes. Set threshold and hysteresis to say which."
+            f"{high:.6g}, all between {signal.min():.6g} and {signal.max():.6g}: a flat channel, "
+            f"narrow pulses or stray spikes. Check the sensor, or set threshold and hysteresis."
         )
     return low, high
 
 
 def _check_pulses(pulses: Angle, end: float) -> None:
-    steps = np.diff(pulses)
-    if (steps <= 0).any():
-        index = int(np.argmax(steps <= 0)) + 1
+    falls = np.flatnonzero(np.diff(pulses) <= 0)
+    if len(falls):
         raise ValueError(
-            f"times must be pulse times in s that increase, got {pulses[index]:.6g} after "
-            f"{pulses[index - 1]:.6g} at pulse {index}. "
-            f"If this is a raw tacho channel, call pulse_times first, or angle_from_tacho."
+            f"times must be pulse times in s that increase, got {pulses[falls[0] + 1]:.6g} at "
+            f"pulse {falls[0] + 1}. For a raw tacho channel, call angle_from_tacho."
         )
-    inside = int(np.count_nonzero((pulses >= 0) & (pulses <= end)))
-    if inside < 2:
+    if np.count_nonzero((pulses >= 0) & (pulses <= end)) < 2:
         raise ValueError(
-            f"times must hold at least two pulses within the recording, 0 to {end:.6g} s, got "
-            f"{inside} of {len(pulses)}, from {pulses[0]:.6g} to {pulses[-1]:.6g}. "
-            f"Are they in s, and are fs and n_times those of the recording?"
+            f"times must hold at least two pulses from 0 to {end:.6g} s, got {len(pulses)} from "
+            f"{pulses[0]:.6g} to {pulses[-1]:.6g}. Are they in s, and fs and n_times right?"
         )
 
 

@@ -161,19 +161,14 @@ def angle_from_vibration(
     """
     samples = check_signal(signal, "signal", min_length=64).astype(np.float64)
     fs = check_number(fs, "fs", above=0, unit="Hz")
-    search = _Search(samples, fs, _checked_speeds(speeds, fs), _checked_orders(orders), settings)
-    if search.longest < search.shortest:
-        raise ValueError(
-            f"signal lasts {search.longest:.3g} s, but {search.shortest:.3g} s are needed to "
-            f"separate the orders at the lowest speed of {search.limits[0] * 2 * np.pi:.4g} rad/s. "
-            f"Raise the lowest speed, or give a longer signal."
-        )
     if not np.ptp(samples) > 0:
         raise ValueError("signal is constant, so it has no lines. Is the sensor connected?")
-    best = search.best_course()
+    limits, known = _checked_speeds(speeds, fs), _checked_orders(orders)
+    lines = np.arange(1.0, settings.many_orders[-1] + 1) if known is None else known
+    best = _best_course(samples, fs, limits, known, lines, settings)
     reliable = best.reliable
     if reliable.any():
-        speed, steady = refined_speed(best, search.lines, settings=settings)
+        speed, steady = refined_speed(best, lines, settings=settings)
         reliable = reliable & steady
     if not reliable.any():
         raise ValueError(best.refusal)
@@ -184,80 +179,84 @@ def angle_from_vibration(
     return VibrationAngle(angle, velocity, Confidence(float(reliable.mean()), reliable))
 
 
-class _Search:
-    """Search for the speed [Hz] of a shaft within limits, by lines at its orders."""
+def _best_course(
+    signal: Array,
+    fs: float,
+    limits: tuple[float, float],
+    orders: Array | None,
+    lines: Array,
+    settings: SpeedSearchSettings,
+) -> Course:
+    """Return the course from frames of the duration with the most reliable seconds.
 
-    def __init__(
-        self,
-        signal: Array,
-        fs: float,
-        limits: tuple[float, float],
-        orders: Array | None,
-        settings: SpeedSearchSettings,
-    ) -> None:
-        self.signal, self.fs, self.limits, self.orders = signal, fs, limits, orders
-        self.settings = settings
-        self.lines = np.arange(1.0, settings.many_orders[-1] + 1) if orders is None else orders
-        self.highest = min(0.45 * fs, float(self.lines.max()) * limits[1])
-        self.longest = len(signal) / fs
-        self.shortest = settings.cycles / (limits[0] * float(np.diff(self.lines, prepend=0).min()))
-
-    def best_course(self) -> Course:
-        """Return the course from frames of the duration with the most reliable seconds."""
-        settings, courses = self.settings, []
-        for number, (frame, n_rates, margin) in enumerate(settings.frames):
-            if number and not self.shortest < frame < self.longest:
-                continue
-            duration = max(min(frame, self.longest), self.shortest)
-            smoothing = settings.broad / duration
-            white = whiten(self.signal, self.fs, self.highest, smoothing, settings=settings)
-            counts = settings.few_orders if number else settings.many_orders
-            options: Any = {"n_rates": n_rates, "counts": counts, "settings": settings}
-            evidence = measure(white, duration, self.limits, self.orders, **options)
-            courses.append(self._course(white, evidence, margin))
-            if courses[-1].reliable.mean() >= settings.enough:
-                break
-        return max(courses, key=lambda course: course.reliable.sum())
-
-    def _course(self, white: Whitened, evidence: Evidence, margin: float) -> Course:
-        settings, (lowest, highest) = self.settings, self.limits
-        path = _most_likely_path(evidence, evidence.ratios)
-        speeds = evidence.speeds[path]
-        frames = np.arange(len(path))
-        margins, sums, rivals = _margins(evidence, speeds, settings)
-        needed = np.log(len(evidence.speeds))
-        trusted = (margins >= margin) & (sums >= needed)
-        trusted &= speeds > lowest * (1 + settings.same_speed)
-        trusted &= speeds < highest * (1 - settings.same_speed)
-        trusted &= evidence.ratios[frames, path] >= settings.alone
-        rates = evidence.rates[frames, path]
-        n_frame = round(evidence.duration * white.fs)
-        for number in np.flatnonzero(trusted):
-            start = max(0, round(evidence.times[number] * white.fs) - n_frame // 2)
-            frame = white.signal[start : start + n_frame]
-            motion = speeds[number], rates[number]
-            trusted[number] = orders_stand_out(
-                frame, *motion, self.lines, white.fs, white.highest, settings=settings
-            )
-        # A second is reliable if all frames whose nearest times lie in it are trusted.
-        edges = (evidence.times[1:] + evidence.times[:-1]) / 2
-        seconds = np.arange(max(1, int(np.ceil(self.longest - 0.05))))
-        first = np.searchsorted(edges, seconds)
-        last = np.searchsorted(edges, np.minimum(seconds + 1.0, self.longest) - 1e-9)
-        reliable = np.array([trusted[i : j + 1].all() for i, j in zip(first, last, strict=True)])
-        top = int(np.argmax(margins))
-        turn = 2 * np.pi
-        refusal = (
-            f"no second of the signal shows a speed between {lowest * turn:.4g} and "
-            f"{highest * turn:.4g} rad/s reliably. The best, {speeds[top] * turn:.5g} rad/s at "
-            f"{evidence.times[top]:.3g} s, has a log likelihood ratio of {margins[top]:.2g} to "
-            f"{rivals[top] * turn:.5g} rad/s, where {margin:g} is needed, and of {sums[top]:.2g} "
-            f"to noise, where {needed:.2g} is needed; few other lines may lie between its orders. "
-            f"Narrow speeds, state the orders of known lines, or use a shaft sensor."
+    The speed is within limits [Hz]; `lines` are the orders, or those that are assumed.
+    """
+    longest = len(signal) / fs
+    shortest = settings.cycles / (limits[0] * float(np.diff(lines, prepend=0).min()))
+    if longest < shortest:
+        raise ValueError(
+            f"signal lasts {longest:.3g} s, but {shortest:.3g} s are needed to separate the orders "
+            f"at the lowest speed. Raise the lowest of speeds, or give a longer signal."
         )
-        return Course(
-            white, evidence.times, speeds, rates, trusted, evidence.duration, reliable, refusal
+    courses: list[Course] = []
+    for number, (frame, n_rates, margin) in enumerate(settings.frames):
+        if number and not shortest < frame < longest:
+            continue
+        duration = max(min(frame, longest), shortest)
+        highest = min(0.45 * fs, float(lines.max()) * limits[1])
+        white = whiten(signal, fs, highest, settings.broad / duration, settings=settings)
+        counts = settings.few_orders if number else settings.many_orders
+        options: Any = {"n_rates": n_rates, "counts": counts, "settings": settings}
+        evidence = measure(white, duration, limits, orders, **options)
+        courses.append(_course(white, evidence, limits, lines, longest, margin, settings))
+        if courses[-1].reliable.mean() >= settings.enough:
+            break
+    return max(courses, key=lambda course: course.reliable.sum())
+
+
+def _course(
+    white: Whitened,
+    evidence: Evidence,
+    limits: tuple[float, float],
+    lines: Array,
+    longest: float,
+    margin: float,
+    settings: SpeedSearchSettings,
+) -> Course:
+    path = _most_likely_path(evidence, evidence.ratios)
+    frames, speeds = np.arange(len(path)), evidence.speeds[path]
+    margins, sums, rivals = _margins(evidence, speeds, settings)
+    needed = np.log(len(evidence.speeds))
+    trusted = (margins >= margin) & (sums >= needed)
+    trusted &= speeds > limits[0] * (1 + settings.same_speed)
+    trusted &= speeds < limits[1] * (1 - settings.same_speed)
+    trusted &= evidence.ratios[frames, path] >= settings.alone
+    rates = evidence.rates[frames, path]
+    n_frame = round(evidence.duration * white.fs)
+    for number in np.flatnonzero(trusted):
+        start = max(0, round(evidence.times[number] * white.fs) - n_frame // 2)
+        motion = white.signal[start : start + n_frame], speeds[number], rates[number]
+        trusted[number] = orders_stand_out(
+            *motion, lines, white.fs, white.highest, settings=settings
         )
+    # A second is reliable if all frames whose nearest times lie in it are trusted.
+    edges = (evidence.times[1:] + evidence.times[:-1]) / 2
+    seconds = np.arange(max(1, int(np.ceil(longest - 0.05))))
+    first = np.searchsorted(edges, seconds)
+    last = np.searchsorted(edges, np.minimum(seconds + 1.0, longest) - 1e-9)
+    reliable = np.array([trusted[i : j + 1].all() for i, j in zip(first, last, strict=True)])
+    top = int(np.argmax(margins))
+    low, high, best, rival = 2 * np.pi * np.array([*limits, speeds[top], rivals[top]])
+    refusal = (
+        f"no second of the signal shows a speed between {low:.4g} and {high:.4g} rad/s reliably. "
+        f"The best, {best:.5g} rad/s at {evidence.times[top]:.3g} s, has a log likelihood ratio of "
+        f"{margins[top]:.2g} to {rival:.5g} rad/s, where {margin:g} is needed, and of "
+        f"{sums[top]:.2g} to noise, where {needed:.2g} is needed; few other lines may lie between "
+        f"its orders. Narrow speeds, state the orders of known lines, or use a shaft sensor."
+    )
+    return Course(
+        white, evidence.times, speeds, rates, trusted, evidence.duration, reliable, refusal
+    )
 
 
 def _most_likely_path(evidence: Evidence, scores: Array) -> NDArray[np.intp]:
@@ -313,10 +312,8 @@ def _joined(scores: Array, grid: Array, speeds: Array, settings: SpeedSearchSett
     found = np.take_along_axis(scores, np.clip(places, 0, len(grid) - 1), axis=1)
     found = np.where(inside, np.maximum(found, -settings.excluded_score), settings.absent_score)
     width = min(settings.joined_frames, len(found))
-    if width < 2:
-        return found
     summed: Array = ndimage.uniform_filter1d(found, width, axis=0, mode="nearest")
-    return summed * (width / 2)
+    return summed * (max(width, 2) / 2)
 
 
 def _checked_speeds(speeds: tuple[float, float], fs: float) -> tuple[float, float]:
@@ -396,9 +393,7 @@ def orders_stand_out(
     """
     n_times = len(frame)
     centred = (np.arange(n_times) - (n_times - 1) / 2) / fs
-    if rate:
-        turned = centred + rate * centred**2 / 2
-        frame = np.interp(centred, turned, frame)
+    frame = np.interp(centred, centred + rate * centred**2 / 2, frame)
     n_bins = int(highest * n_times / fs) + 1
     power = np.abs(fft.rfft(frame * np.hanning(n_times))[:n_bins]) ** 2
     raw = np.clip(np.log(np.maximum(power, 1e-300) / np.median(power)), 0, settings.strong)
@@ -418,10 +413,10 @@ def orders_stand_out(
     like &= mean >= max(settings.like_orders * own, 1e-9)
     if int(like.sum()) > min(settings.families, 2 * half // settings.family_width):
         return False
-    steady = (
-        _scatter(frame, orders[inside] * speed, settings.windows / speed, fs) < settings.unsteady
-    )
-    return steady or _evenness(raw, places[inside, half], gap, settings) < settings.even
+    scatter = _scatter(frame, orders[inside] * speed, settings.windows / speed, fs)
+    if scatter < settings.unsteady:
+        return True
+    return _evenness(raw, places[inside, half], gap, settings) < settings.even
 
 
 def _evenness(
