@@ -10,7 +10,6 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, located
 from emacm.envelopes.envelope import (
-    Band,
     EnvelopeSeries,
     band_at,
     check_bands,
@@ -159,16 +158,16 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
 
     def _checked_bands(self, first: Sequence[str]) -> dict[str, Any]:
         """Return the band of each channel."""
-        chosen = None if self.channels is None else chosen_channels(self.channels, first)
-        if not isinstance(self.band, Mapping):
-            band = check_bands(self.band)
-            bands = dict.fromkeys(first if chosen is None else chosen, band)
+        if isinstance(self.band, Mapping):
+            bands = {name: check_bands(b, f"band of {name!r}") for name, b in self.band.items()}
         else:
-            named = {name: check_bands(b, f"band of {name!r}") for name, b in self.band.items()}
-            missing = [name for name in chosen or () if name not in named]
+            bands = dict.fromkeys(first, check_bands(self.band))
+        if self.channels is not None:
+            chosen = chosen_channels(self.channels, first)
+            missing = [name for name in chosen if name not in bands]
             if missing:
                 raise ValueError(f"band names no band of channel {missing[0]!r}: {self.band!r}.")
-            bands = named if chosen is None else {name: named[name] for name in chosen}
+            bands = {name: bands[name] for name in chosen}
         if not bands:
             raise ValueError("band must name at least one channel.")
         return bands
@@ -179,17 +178,13 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
         for index, recording in enumerate(recordings):
             with located(partial(described, recording, index)):
                 bands = dict(self.bands_)
+                check_channel_names(recording.channels, list(bands))
                 for channel in [c for c, band in bands.items() if select and band == "kurtogram"]:
-                    bands[channel] = _selected(recording, channel)
+                    with located(f"channel {channel!r}"):
+                        signal, fs = recording.series[channel], recording.fs[channel]
+                        bands[channel] = kurtogram(signal, fs).band
                 detected.append(envelope_recording(recording, bands, **options))
         return detected
-
-
-def _selected(recording: Recording, channel: str) -> Band:
-    """Return the band of a channel with the largest spectral kurtosis."""
-    check_channel_names(recording.channels, [channel])
-    with located(f"channel {channel!r}"):
-        return kurtogram(recording.series[channel], recording.fs[channel]).band
 
 
 def envelope_recording(
@@ -244,7 +239,6 @@ def _envelope_content(
 ) -> dict[str, Any]:
     """Return what changes in a recording of which envelopes are taken."""
     check_channel_names(measured.channels, list(bands))
-    rates = dict(measured.fs)
     envelopes: dict[str, dict[str, Series]] = {}
     for channel, band in bands.items():
         with located(f"channel {channel!r}"):
@@ -252,13 +246,13 @@ def _envelope_content(
         for name in envelopes[channel]:
             if name in measured.channels and name != channel:
                 raise ValueError(f"it has a channel {name!r} already. Choose another suffix.")
-            rates[name] = measured.fs[channel]
     found: dict[str, Series] = {}
     for name, signal in measured.series.items():
-        replaced = name in envelopes and not suffix
-        found |= envelopes.pop(name) if replaced else {name: signal}
+        found |= envelopes[name] if name in envelopes and not suffix else {name: signal}
     for added in envelopes.values():
         found |= added
+    added_fs = {name: measured.fs[c] for c, added in envelopes.items() for name in added}
+    rates = dict(measured.fs) | added_fs
     return {"_series": found, "_fs": {name: rates[name] for name in found}}
 
 
@@ -280,10 +274,8 @@ def _envelopes(
 ) -> dict[str, Series]:
     """Return the envelopes of a channel by name."""
     signal, fs = measured.series[channel], measured.fs[channel]
-    several = band if isinstance(band, list) else [band_at(band, fs)]
-    bands = dict(zip(envelope_names(channel, band, suffix), several, strict=True))
-    found: dict[str, Series] = {}
-    for name, (low, high) in bands.items():
-        found[name] = EnvelopeSeries(signal, fs, (low, high), squared=squared)
+    bands = band if isinstance(band, list) else [band_at(band, fs)]
+    found = [EnvelopeSeries(signal, fs, each, squared=squared) for each in bands]
+    for low, high in bands:
         warn_of_long_filter(low, high, fs)
-    return found
+    return dict(zip(envelope_names(channel, band, suffix), found, strict=True))

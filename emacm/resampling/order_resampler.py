@@ -42,8 +42,8 @@ from emacm.resampling.training_range import (
     training_range,
     training_units,
 )
-from emacm.shaft.motion import Stroke, longest_gap
-from emacm.shaft.paths import DIRECTIONS, ShaftPath
+from emacm.shaft.motion import longest_gap
+from emacm.shaft.paths import DIRECTIONS
 
 
 def check_angle_step(theta_s: Any) -> float:
@@ -378,12 +378,10 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
     def _check_motion(self, row: AngleRecording) -> None:
         """Check that the shaft turns, and that its reference has no impossible jump."""
         recording = row.measured
-        signs = {"forward": {1}, "reverse": {-1}}.get(self.direction, {1, -1})
-        moves: Sequence[ShaftPath | Stroke] = row.paths
-        if not moves:  # or too short ones only
-            moves = recording.strokes(row.min_speed)
-        if not any(move.direction in {*signs, 0} for move in moves):
-            way = f" {self.direction}" if len(signs) == 1 else ""
+        wanted = {"forward": 1, "reverse": -1}.get(self.direction)
+        moves = row.paths or recording.strokes(row.min_speed)  # or too short ones only
+        if not any(wanted in (None, move.direction) for move in moves):
+            way = f" {self.direction}" if wanted else ""
             velocity = recording.velocity
             raise ValueError(
                 f"the shaft never turns{way} faster than min_speed = {self.min_speed:g} rad/s; "
@@ -401,12 +399,10 @@ def _bare_channels(entry: Any) -> dict[str, Any]:
         check_unique_columns(entry, "it")
         return {name: entry[name] for name in entry.columns}
     array = check_real_array(entry, "the array")
-    if array.ndim != 2:
-        raise ValueError(f"expected an array of shape (n_channels, n_times), got {array.shape}.")
-    if array.shape[0] > array.shape[1]:
+    if array.ndim != 2 or array.shape[0] > array.shape[1]:
         raise ValueError(
-            f"an array of shape {array.shape} has more channels than samples; expected was "
-            f"(n_channels, n_times). Transpose it."
+            f"expected an array of shape (n_channels, n_times), got {array.shape}. Transpose it if "
+            f"it has one row per sample."
         )
     return {f"x{i}": row for i, row in enumerate(array)}
 

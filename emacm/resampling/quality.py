@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -270,10 +270,9 @@ def check_channel(
         series = series.sources[0]
     rows, starts = _sampled(series, settings)
     largest, n = float(np.abs(rows).max()), len(series)
-    if np.ptp(rows) == 0 and all(np.ptp(b) == 0 and b[0] == rows[0, 0] for _, b in blocks(series)):
-        return ChannelCheck(
-            0.0, "constant", f"channel {name!r} is constant ({rows[0, 0]:.4g}): cable or sensor?"
-        )
+    if np.ptp(rows) == 0 and all((block == rows[0, 0]).all() for _, block in blocks(series)):
+        text = f"channel {name!r} is constant ({rows[0, 0]:.4g}): cable or sensor?"
+        return ChannelCheck(0.0, "constant", text)
     scaled = rows / largest if largest > 0 else rows  # squares of any finite value
     defect, where = _flat_stretches(scaled, starts, [(a * n, b * n) for a, b in turning], settings)
     text = {
@@ -324,12 +323,13 @@ def _flat_stretches(
     if equal.mean() < settings.few or equal.all():
         return "", 0.0
     # Stretches of equal samples; a column of other steps keeps the blocks apart.
-    edge = np.zeros((len(rows), 1))
     flat = np.pad(equal, ((0, 0), (1, 1))).ravel().astype(np.int8)
     changes = np.diff(flat)
     first, last = np.flatnonzero(changes == 1), np.flatnonzero(changes == -1)
-    around = np.hstack([edge, steps, edge]).ravel()  # the outermost steps are not known
-    outer, step = np.array([around[first], around[last + 1]]), _sharp_step(steps[~equal], settings)
+    around = np.pad(steps, ((0, 0), (1, 1))).ravel()  # the outermost steps are not known
+    outer = np.array([around[first], around[last + 1]])
+    usual, finest = float(np.median(steps[~equal])), float(steps[~equal].min())
+    step = max(settings.sharp * usual, 1.5 * finest)  # a signal that comes to rest has smaller ones
     sharp = outer.max(axis=0) > step
     lengths = last - first + 1  # samples
     width = rows.shape[1] + 1
@@ -344,7 +344,6 @@ def _flat_stretches(
         return "drop-outs", share
     # A single gap counts while the shaft turns, in a signal whose samples differ otherwise.
     is_long = lengths >= settings.gap
-    usual = float(np.median(steps[~equal]))
     if not is_long.any() or usual < settings.rough * rows.std():
         return "", 0.0
     begin = starts[first // width] + first % width
@@ -356,7 +355,7 @@ def _flat_stretches(
     active = maximum_filter1d(around, 2 * settings.near + 1)[[first, last + 1]] > step
     is_unknown = (outer == 0) | ~is_within  # beyond a block
     is_cut = (active | is_unknown).all(axis=0) & active.any(axis=0)
-    is_cut |= float(steps[~equal].min()) <= settings.fine * usual
+    is_cut |= finest <= settings.fine * usual
     share = float(turned[(turned >= settings.gap) & is_rare & is_cut].sum() / rows.size)
     return ("drop-outs", share) if 0.01 < share < settings.digital else ("", 0.0)
 
@@ -375,8 +374,3 @@ def _while_turning(
         turned += np.clip(np.minimum(end, high) - np.maximum(begin, low), 0, None)
         is_within |= (ends > low) & (ends < high)
     return turned, is_within
-
-
-def _sharp_step(steps: Any, settings: ChannelCheckSettings) -> float:
-    """Return the size above which a step is none of a signal that comes to rest."""
-    return float(max(settings.sharp * np.median(steps), 1.5 * steps.min()))

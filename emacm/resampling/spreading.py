@@ -115,7 +115,9 @@ class Spreading:
             begin, end = path.sample_range(self._fs, len(rows[0]))
             if not complete and (last == first or end - begin < n_mean):
                 return
-            means = _means(rows, begin, min(end, begin + n_mean))
+            # Later samples do not count, so that nothing has to wait for them.
+            start = slice(begin, min(end, begin + n_mean))
+            means = np.array([row[start].mean(dtype=np.float64) for row in rows])
             self._grid = FineGrid(self._loops, means, self._theta_s, part, self._max_reversal)
             self._first = self._next = first
         n_angles = path.count(self._theta_s)
@@ -139,11 +141,11 @@ class Spreading:
 
     def rows_needed(self, path: ShaftPath) -> int:
         """Return how many samples of the rows a complete path needs, if there are as many."""
-        if self._factor == 1:
-            first, last = path.sample_range(self._fs, maxsize)
-            return max(last, first + 2)
         first, last = path.sample_range(self._fs * self._factor, maxsize)
-        return -(-max(last, first + 2) // self._factor) + DESIGN.upsampling_half + 1
+        needed = max(last, first + 2)
+        if self._factor == 1:
+            return needed
+        return -(-needed // self._factor) + DESIGN.upsampling_half + 1
 
     def needed_from(self, start_time: float) -> float:
         """Return the time of the first sample that is still needed [s].
@@ -180,10 +182,8 @@ class Spreading:
 
     def _dense_range(self, rows: Sequence[Series], path: ShaftPath) -> tuple[int, int]:
         """First and last + 1 of the dense samples on the path."""
-        if self._factor == 1:
-            return path.sample_range(self._fs, len(rows[0]))
-        # At the higher rate, the signal continues, mirrored, to the end of the path.
-        n_dense = self._factor * (len(rows[0]) + 1)
+        # At a higher rate, the signal continues, mirrored, to the end of the path.
+        n_dense = self._factor * (len(rows[0]) + (self._factor > 1))
         return path.sample_range(self._fs * self._factor, n_dense)
 
     def _known(self, rows: Sequence[Series], path: ShaftPath) -> int:
@@ -218,15 +218,6 @@ class Spreading:
 def _limited(n_times: int, fs: float, path: ShaftPath) -> int:
     """Return a number of samples at a rate, or fewer, so that the shaft has about as many."""
     return max(DESIGN.fewest, int(n_times * min(1.0, fs / path.fs)))
-
-
-def _means(rows: Sequence[Series], first: int, last: int) -> NDArray[np.floating]:
-    """Mean of each signal at the start of the stroke.
-
-    It is subtracted while the signal is filtered, so that a large offset comes out exact whatever
-    the ripple of the filter. Later samples do not count, so that nothing has to wait for them.
-    """
-    return np.array([row[first:last].mean(dtype=np.float64) for row in rows])
 
 
 def upsampling(fs: float, fastest: float, theta_s: float) -> int:

@@ -15,7 +15,6 @@ from emacm.shaft.motion import (
     GearedTravel,
     IntegratedAngle,
     JoinedTravel,
-    LazySeries,
     Series,
     Stroke,
     StrokeTravel,
@@ -151,8 +150,7 @@ class ShaftPath:
         if fs != factor * self.fs or abs(offset - shift) > 1e-6:
             return self._cubic(fs, start, stop)
         if factor == 1 and start >= shift and stop - 1 - shift <= last:
-            low, high, travel = start - shift, stop - shift, self.travel
-            return travel.read(low, high) if isinstance(travel, LazySeries) else travel[low:high]
+            return self.travel[start - shift : stop - shift]
         # In between, the cubics of all intervals are evaluated at the same places.
         low = min(max(start, shift + factor), stop)
         high = max(min(stop, shift + (last - 1) * factor), low)
@@ -227,28 +225,23 @@ def paths_along(
         If `direction` is none of the four.
     """
     check_choice(direction, "direction", DIRECTIONS)
+    travels: list[tuple[StrokeTravel | JoinedTravel, int, int]] = []
     if direction == "travel":
-        paths = _joined_path(angle, fs, strokes)
+        if strokes:
+            travels = [(JoinedTravel(angle, strokes), strokes[0].start, 0)]
     else:
         # The integral of a velocity that never changes its sign never reverses.
         monotonic = min_speed == 0 and isinstance(angle, IntegratedAngle)
-        paths = []
-        for stroke in strokes:
-            if stroke.direction in _WANTED[direction] and stroke.stop - stroke.start > 1:
-                travel = StrokeTravel(angle, stroke, monotonic=monotonic)
-                start = stroke.start / fs, travel.start_angle
-                if travel.known["length"] > 0:
-                    paths.append(ShaftPath(travel, fs, *start, stroke.direction))
-    return paths
-
-
-def _joined_path(angle: Series, fs: float, strokes: Sequence[Stroke]) -> list[ShaftPath]:
-    if not strokes:
-        return []
-    origin = strokes[0].start
-    start = origin / fs, float(angle[origin])
-    path = ShaftPath(JoinedTravel(angle, strokes), fs, *start, 0)
-    return [path] if path.length > 0 else []
+        travels = [
+            (StrokeTravel(angle, stroke, monotonic=monotonic), stroke.start, stroke.direction)
+            for stroke in strokes
+            if stroke.direction in _WANTED[direction] and stroke.stop - stroke.start > 1
+        ]
+    paths = [
+        ShaftPath(travel, fs, start / fs, float(angle[start]), sign)
+        for travel, start, sign in travels
+    ]
+    return [path for path in paths if path.length > 0]
 
 
 def _lagrange(u: Any) -> tuple[Any, Any, Any, Any]:

@@ -116,7 +116,6 @@ def angle_from_pulses(
     n_times: int,
     *,
     pulses_per_rev: float = 1,
-    repair: bool = True,
 ) -> TachoAngle:
     """Interpolate the shaft angle between tacho pulses, after repair of missing and double pulses.
 
@@ -150,8 +149,6 @@ def angle_from_pulses(
         Number of samples of the angle, at 0, 1/fs, ...
     pulses_per_rev : float
         Pulses per revolution; not an integer if there is a gear in between.
-    repair : bool
-        Whether to repair; otherwise a suspicious interval is an error.
 
     Returns
     -------
@@ -161,8 +158,8 @@ def angle_from_pulses(
     Raises
     ------
     ValueError, TypeError
-        If the times are not finite and increasing, fewer than two lie in the recording, a gap (at
-        an end, too) exceeds ten intervals, or, with ``repair=False``, an interval is suspicious.
+        If the times are not finite and increasing, fewer than two lie in the recording, or a gap
+        (at an end, too) exceeds ten intervals.
 
     References
     ----------
@@ -181,15 +178,12 @@ def angle_from_pulses(
     fs = check_number(fs, "fs", above=0, unit="Hz")
     instants = np.arange(check_count(n_times, "n_times")) / fs
     per_rev = check_number(pulses_per_rev, "pulses_per_rev", above=0)
-    check_choice(repair, "repair", (True, False))
     _check_pulses(pulses, instants[-1])
     kept, double = _without_doubles(pulses)
     _check_gap(kept[0] / (kept[1] - kept[0]), f"before the first pulse at {kept[0]:.6g} s")
     due = (instants[-1] - kept[-1]) / (kept[-1] - kept[-2])
     _check_gap(due, f"after the last pulse at {kept[-1]:.6g} s")
     number, missing = _numbered(kept)
-    if not repair:
-        _check_unrepaired(pulses, missing, double)
     return TachoAngle(_interpolated(kept, number / per_rev * 2 * np.pi, instants), missing, double)
 
 
@@ -200,7 +194,6 @@ def angle_from_tacho(
     pulses_per_rev: float = 1,
     threshold: float | None = None,
     hysteresis: float | None = None,
-    repair: bool = True,
 ) -> TachoAngle:
     """Compute the shaft angle from a raw tacho channel: `pulse_times`, then `angle_from_pulses`.
 
@@ -210,7 +203,7 @@ def angle_from_tacho(
     ----------
     tacho, fs, threshold, hysteresis
         See `pulse_times`.
-    pulses_per_rev, repair
+    pulses_per_rev
         See `angle_from_pulses`.
 
     Returns
@@ -229,9 +222,8 @@ def angle_from_tacho(
     TachoAngle(20 samples, 4.75 revolutions, 0 missing, 0 double)
     """
     times = pulse_times(tacho, fs, threshold=threshold, hysteresis=hysteresis)
-    n = len(np.asarray(tacho))
     with located("the pulses of tacho"):
-        return angle_from_pulses(times, fs, n, pulses_per_rev=pulses_per_rev, repair=repair)
+        return angle_from_pulses(times, fs, len(np.asarray(tacho)), pulses_per_rev=pulses_per_rev)
 
 
 def _tacho_levels(signal: Angle) -> tuple[float, float]:
@@ -286,18 +278,6 @@ def _judged(log_intervals: Angle) -> tuple[NDArray[np.bool_], NDArray[np.bool_],
             short[outer[int(second < first)]] = joined and min(first, second) < due + np.log(0.7)
     long = log_intervals > np.maximum(expected + np.log(1.4), high)
     return short, long, expected
-
-
-def _check_unrepaired(pulses: Angle, missing: Angle, double: Angle) -> None:
-    faults = [(time, "missing after") for time in missing] + [(time, "double:") for time in double]
-    if faults:
-        time, fault = min(faults)
-        index = int(np.searchsorted(pulses, time, side="right")) - 1
-        raise ValueError(
-            f"times must come regularly, got a pulse {fault} pulse {index}, {pulses[index]:.6g} s "
-            f"({len(missing)} missing and {len(double)} double in all). "
-            f"Set repair=True, or correct the times."
-        )
 
 
 def _without_doubles(pulses: Angle) -> tuple[Angle, Angle]:

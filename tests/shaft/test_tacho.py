@@ -252,21 +252,6 @@ REGULAR = np.arange(9.0)
         (angle_from_pulses, ([1.0], FS, 100), {}, ValueError, "at least 2"),
         (angle_from_pulses, (REGULAR, 1, 9.5), {}, TypeError, "n_times"),
         (angle_from_pulses, (REGULAR, 1, 9), {"pulses_per_rev": 0}, ValueError, "pulses_per_rev"),
-        (angle_from_pulses, (REGULAR, 1, 9), {"repair": "no"}, ValueError, "repair must be"),
-        (
-            angle_from_pulses,
-            (np.delete(REGULAR, 4), 1, 9),
-            {"repair": False},
-            ValueError,
-            "missing after pulse 3",
-        ),
-        (
-            angle_from_pulses,
-            (np.insert(REGULAR, 4, 3.2), 1, 9),
-            {"repair": False},
-            ValueError,
-            "double: pulse 4",
-        ),
         (
             angle_from_pulses,
             (np.concatenate((REGULAR, REGULAR + 39)), 1, 50),
