@@ -79,7 +79,7 @@ from emacm import (
 from emacm.datasets import load_cranfield
 from emacm.evaluation.bootstrap import Tally, gap_of_cells
 from emacm.evaluation.figures import log_losses, most_probable
-from emacm.orders.new_lines import collected_statements
+from emacm.orders.bin_transformer import collected_statements
 from emacm.simulation import simulate_fleet
 
 Array = NDArray[np.float64]

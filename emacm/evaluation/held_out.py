@@ -23,7 +23,7 @@ from emacm._checks import located
 from emacm._progress import run
 from emacm.conditions.present_costs import narrowed
 from emacm.decisions.pipelines import before_the_last_step, groups_are_units, groups_options
-from emacm.orders.new_lines import collected_statements
+from emacm.orders.bin_transformer import collected_statements
 from emacm.recordings.meta import Grouping, chosen_rows, plain_label, read_grouping
 
 Indices = NDArray[np.intp]

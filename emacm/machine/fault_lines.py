@@ -14,8 +14,8 @@ from scipy import ndimage
 from emacm._checks import check_count, check_number
 from emacm.machine.fault_orders import check_distinct, lines_of
 from emacm.machine.parts import Part
+from emacm.orders.bin_transformer import line_heights
 from emacm.orders.columns import OrderTableTransformer, column_names, parse_order_columns
-from emacm.orders.new_lines import line_heights
 from emacm.recordings.inputs import check_channel_names, chosen_channels
 
 Array = NDArray[np.float64]

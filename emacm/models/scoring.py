@@ -30,8 +30,7 @@ from emacm.decisions.pipelines import (
 from emacm.decisions.risks import LeastRiskMixin, decide, risks_of
 from emacm.explanations.explain import explain_decision
 from emacm.files.folder import FileRecording
-from emacm.orders.bin_transformer import BinTransformer
-from emacm.orders.new_lines import collected_statements
+from emacm.orders.bin_transformer import BinTransformer, collected_statements
 from emacm.recordings.inputs import as_list, received
 from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from functools import partial
 from html import escape
 from itertools import chain
@@ -30,7 +30,6 @@ from emacm.recordings.arguments import (
 )
 from emacm.recordings.digests import content_digest, is_mapped
 from emacm.recordings.names import check_channel_names, chosen_channels
-from emacm.recordings.series import Arrays
 from emacm.shaft.angle import angle_from_velocity
 from emacm.shaft.motion import (
     DifferentiatedVelocity,
@@ -503,3 +502,24 @@ def same_content(one: Any, other: Any) -> bool:
     if isinstance(one, list | tuple):
         return len(one) == len(other) and all(map(same_content, one, other))
     return bool(one == other or (one != one and other != other))
+
+
+class Arrays(Mapping[str, NDArray[np.floating]]):
+    """Channels as arrays, each computed as a whole when it is read."""
+
+    def __init__(self, series: Mapping[str, Series]) -> None:
+        self._series = series
+
+    def __getitem__(self, name: str) -> NDArray[np.floating]:
+        series = self._series[name]
+        if isinstance(series, np.ndarray):
+            return series
+        whole = series[:]
+        whole.flags.writeable = False
+        return whole
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._series)
+
+    def __len__(self) -> int:
+        return len(self._series)

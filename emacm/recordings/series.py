@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -94,24 +93,3 @@ class ComputedSeries(LazySeries):
         values[:before] = read[1 - low : before + 1 - low][::-1]
         values[len(values) - after :] = read[n_times - 1 - after - low : n_times - 1 - low][::-1]
         return values
-
-
-class Arrays(Mapping[str, NDArray[np.floating]]):
-    """Channels as arrays, each computed as a whole when it is read."""
-
-    def __init__(self, series: Mapping[str, Series]) -> None:
-        self._series = series
-
-    def __getitem__(self, name: str) -> NDArray[np.floating]:
-        series = self._series[name]
-        if isinstance(series, np.ndarray):
-            return series
-        whole = series[:]
-        whole.flags.writeable = False
-        return whole
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._series)
-
-    def __len__(self) -> int:
-        return len(self._series)

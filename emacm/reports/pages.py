@@ -25,7 +25,7 @@ from emacm.models.scoring import (
     scored_rows,
     training_statements,
 )
-from emacm.orders.new_lines import collected_statements
+from emacm.orders.bin_transformer import collected_statements
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
 from emacm.reports.facts import Facts, model_facts, recording_facts

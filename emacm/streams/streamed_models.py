@@ -19,7 +19,7 @@ from emacm.alarms.control_charts import CUSUM, EWMA
 from emacm.alarms.input_alarms import InputAlarm
 from emacm.decisions.pipelines import search_estimator
 from emacm.decisions.risks import LeastRiskMixin
-from emacm.orders.new_lines import collected_statements
+from emacm.orders.bin_transformer import collected_statements
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.digests import content_digest
 from emacm.resampling.order_resampler import OrderResampler, SignalCache

@@ -8,10 +8,8 @@ from sklearn.pipeline import make_pipeline
 from sklearn.tree import DecisionTreeClassifier
 
 from emacm import BinTransformer
+from emacm.orders.bin_transformer import collected_statements
 from emacm.orders.columns import OrderTable, order_columns
-from emacm.orders.new_lines import (
-    collected_statements,
-)
 
 ORDERS = np.arange(0, 12.01, 0.125)
 STRONG = 4.0
