@@ -83,11 +83,8 @@ def training_range(qualities: Sequence[Quality]) -> dict[str, Range]:
 
 def training_units(qualities: Sequence[Quality]) -> dict[str, tuple[str, ...]]:
     """Return the units of each channel in training recordings, where they are stated."""
-    found: dict[str, dict[str, None]] = {}
-    for quality in qualities:
-        for channel, unit in quality.units.items():
-            found.setdefault(channel, {})[unit] = None
-    return {channel: tuple(units) for channel, units in found.items()}
+    stated = dict.fromkeys(pair for quality in qualities for pair in quality.units.items())
+    return {name: tuple(u for other, u in stated if other == name) for name, _ in stated}
 
 
 def outside_range(
@@ -160,17 +157,12 @@ def _speed(row: Mapping[str, float], known: Mapping[str, Range]) -> list[Stateme
     units = [unit for unit, size in LIMITS.speed_units if abs(np.log(factor / size)) < near]
     hint = f": is it in {units[0]}?" if units else ""
     way = "above" if fastest > high else "below"
+    what, usual = f"highest speed {fastest:.4g}", f"that of the training, {_span(low, high)}"
     if row["slowest"] > high or fastest < least:  # no speed in common
-        text = (
-            f"speed {_span(row['slowest'], fastest)} rad/s is {way} the training range "
-            f"{_span(least, high)} rad/s{hint}"
-        )
-    else:
-        text = (
-            f"highest speed {fastest:.4g} rad/s is {way} that of the training, "
-            f"{_span(low, high)} rad/s{hint}"
-        )
-    return [Statement(text, bool(units))]  # other speeds may be intended
+        what = f"speed {_span(row['slowest'], fastest)}"
+        usual = f"the training range {_span(least, high)}"
+    # Other speeds may be intended.
+    return [Statement(f"{what} rad/s is {way} {usual} rad/s{hint}", bool(units))]
 
 
 def direction_statements(forward: float, known: Range | None) -> list[Statement]:
@@ -194,23 +186,17 @@ def direction_statements(forward: float, known: Range | None) -> list[Statement]
     """
     if known is None:
         return []
-    if known[0] >= 1 - LIMITS.aside:
-        way, only, kept, new = "in reverse", "only forward", "forward", 1 - forward
-    elif known[1] <= LIMITS.aside:
-        way, only, kept, new = "forward", "only in reverse", "reverse", forward
-    else:
+    way, usual, new, share = "in reverse", "forward", 1 - forward, 1 - known[0]
+    if known[1] <= LIMITS.aside:
+        way, usual, new, share = "forward", "in reverse", forward, known[1]
+    if share > LIMITS.aside or not new >= LIMITS.other_way:  # it may be NaN
         return []
-    if not new >= LIMITS.other_way:  # it may be NaN
-        return []
-    text = (
-        f"the shaft turns {way}, in the training {only}: check the sign of the shaft reference, or "
-        f"train on both directions"
-    )
+    what, remedy = "the shaft turns", "check the sign of the shaft reference"
     if new < 1 - LIMITS.other_way:
-        text = (
-            f"{100 * new:.0f} % of the revolutions are {way}, in the training {only}: keep one "
-            f"direction by OrderResampler(direction={kept!r}), or train on both"
-        )
+        what = f"{100 * new:.0f} % of the revolutions are"
+        kept = usual.removeprefix("in ")
+        remedy = f"keep one direction by OrderResampler(direction={kept!r})"
+    text = f"{what} {way}, in the training only {usual}: {remedy}, or train on both directions"
     return [Statement(text, True)]
 
 
@@ -224,11 +210,11 @@ def _units(units: Mapping[str, str], known: Mapping[str, Sequence[str]]) -> Iter
         ratios = [unit_ratio(unit, other) for other in usual]
         if not usual or 1.0 in ratios:
             continue
-        remedy = f"convert it, or correct the unit, if it is {usual[0]}"
-        if ratios[0] is not None:
-            remedy = f"multiply it by {ratios[0]:.6g}, or correct the unit, if it is {usual[0]}"
-        training = " or ".join(usual)
-        text = f"channel {channel!r} is in {unit}, in the training in {training}: {remedy}"
+        remedy = "convert it" if ratios[0] is None else f"multiply it by {ratios[0]:.6g}"
+        text = (
+            f"channel {channel!r} is in {unit}, in the training in {' or '.join(usual)}: {remedy}, "
+            f"or correct the unit, if it is {usual[0]}"
+        )
         yield Statement(text, True)
 
 
@@ -281,12 +267,10 @@ def _levels(levels: Mapping[str, float], known: Mapping[str, Range]) -> list[Sta
 
 def _common_gain(levels: Mapping[str, float], ranges: Mapping[str, Range]) -> float | None:
     """Return a gain [dB] without which all levels are in their ranges; None if there is none."""
-    if not all(levels.values()) or not all(low > 0 for low, _ in ranges.values()):
+    level, (low, high) = np.array([*levels.values()]), np.array([*ranges.values()]).T
+    if not (level.all() and low.all()):
         return None
-    ends = np.array(
-        [[levels[name] / high, levels[name] / low] for name, (low, high) in ranges.items()]
-    )
-    least, most = 20 * np.log10(ends[:, 0].max()), 20 * np.log10(ends[:, 1].min())
+    least, most = 20 * np.log10((level / high).max()), 20 * np.log10((level / low).min())
     return float((least + most) / 2) if least <= most + LIMITS.level else None
 
 

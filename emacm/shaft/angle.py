@@ -98,10 +98,9 @@ def angle_from_wrapped(angle: ArrayLike, *, period: float = 2 * np.pi) -> Angle:
     # With noise, a wrapped angle spans up to 1.25 periods.
     if span > 1.25 * period and steps.max() > period / 2:
         raise ValueError(
-            f"an angle that is wrapped at period = {period:.6g} spans at most that, but this one "
-            f"spans {span:.6g} (from {values.min():.6g} to {values.max():.6g}) and steps by "
-            f"{steps.max():.6g} after sample {int(steps.argmax())}. Set period to one revolution "
-            f"in the unit of the angle: 360 for degrees, the number of counts for an encoder."
+            f"an angle wrapped at period = {period:.6g} spans at most that, but this one spans "
+            f"{span:.6g} and steps by {steps.max():.6g} after sample {int(steps.argmax())}. Set "
+            f"period to one revolution: 360 for degrees, the number of counts for an encoder."
         )
     return np.unwrap(values, period=period) * (2 * np.pi / period)
 
@@ -184,8 +183,7 @@ def angle_from_resolver(sine: ArrayLike, cosine: ArrayLike, *, pole_pairs: int =
         index = int(np.argmax(gone))
         raise ValueError(
             f"sine and cosine must not vanish together, got {y[index]:.4g} and {x[index]:.4g} at "
-            f"sample {index}, where their amplitude should be near {20 * least:.4g}. "
-            f"Demodulate the carrier first, or cut the dropout."
+            f"sample {index}. Demodulate the carrier first, or cut the dropout."
         )
     return np.unwrap(np.arctan2(y, x)) / pole_pairs
 
@@ -220,9 +218,7 @@ def angle_from_position(position: ArrayLike, lead: float) -> Angle:
     """
     lead = check_number(lead, "lead")
     if lead == 0:
-        raise ValueError(
-            "lead must be the travel per revolution, in the unit of position and not 0, got 0."
-        )
+        raise ValueError("lead must be the travel per revolution, in the unit of position, got 0.")
     return check_signal(position, "position").astype(np.float64) * (2 * np.pi / lead)
 
 

@@ -237,16 +237,14 @@ class JoinedTravel(LazySeries):
         super().__init__(strokes[-1].stop - strokes[0].start)
         self._angle = angle
         self._origin = strokes[0].start
-        self._starts = np.array([stroke.start for stroke in strokes]) - self._origin
-        self._stops = np.array([stroke.stop for stroke in strokes]) - self._origin
-        self._signs = np.array([stroke.direction for stroke in strokes])
+        self._starts, self._stops, self._signs = np.array(strokes).T
+        self._starts, self._stops = self._starts - self._origin, self._stops - self._origin
         self._from = np.array([angle[stroke.start] for stroke in strokes])
         ends = np.array([angle[stroke.stop - 1] for stroke in strokes])
         run = self._signs * (ends - self._from)
         # Where the shaft reverses between two samples, without rest, that step counts as well.
-        turns = np.where(
-            self._starts[1:] == self._stops[:-1], np.abs(self._from[1:] - ends[:-1]), 0
-        )
+        no_rest = self._starts[1:] == self._stops[:-1]
+        turns = no_rest * np.abs(self._from[1:] - ends[:-1])
         self._before = np.concatenate([[0.0], np.cumsum(run[:-1] + turns)])
         self._after = self._before + run
         self.known: dict[str, Any] = {}
@@ -502,27 +500,20 @@ def largest_jump(
     >>> largest_jump(speed, fs=100.0)
     Jump(sample=40, angle=5.06)
     """
-    largest = None
+    jumps: list[Jump] = []
     for first in range(0, len(velocity), BLOCK):
         low, high = max(first - reach, 0), min(first + BLOCK + reach, len(velocity))
         speed = np.abs(velocity[low:high])
         if speed.max() <= above_mean * speed.mean():
             continue
-        usual = above_neighbours * _neighbours(speed, width, reach)
-        turning = np.median(speed[speed > 0])
-        jump = _largest(speed, np.maximum(usual, above_median * turning), fs)
-        if jump is not None and (largest is None or jump.angle > largest.angle):
-            largest = Jump(low + jump.sample, jump.angle)
-    return largest
-
-
-def _largest(speed: NDArray[np.floating], limit: NDArray[np.floating], fs: float) -> Jump | None:
-    jumps = np.flatnonzero(speed > limit)
-    if not len(jumps):
-        return None
-    # A jump of an angle shows in two samples of its central difference.
-    found = [Jump(int(k), float(speed[max(k - 1, 0) : k + 2].sum()) / fs) for k in jumps]
-    return max(found, key=lambda jump: jump.angle)
+        limit = above_median * np.median(speed[speed > 0])
+        limit = np.maximum(limit, above_neighbours * _neighbours(speed, width, reach))
+        # A jump of an angle shows in two samples of its central difference.
+        jumps += [
+            Jump(low + int(k), float(speed[max(k - 1, 0) : k + 2].sum()) / fs)
+            for k in np.flatnonzero(speed > limit)
+        ]
+    return max(jumps, key=lambda jump: jump.angle, default=None)
 
 
 def _neighbours(speed: NDArray[np.floating], width: int, reach: int) -> NDArray[np.floating]:
