@@ -217,7 +217,9 @@ class EnvelopeSeries(ComputedSeries):
         at_once = max(BLOCK, 2 * len(self._taps))
         for first in range(start, stop, at_once):
             last = min(first + at_once, stop)
-            values[first - start : last - start] = self._size(self._analytic(first, last))
+            analytic = self._analytic(first, last)
+            size = analytic.real**2 + analytic.imag**2 if self.squared else np.abs(analytic)
+            values[first - start : last - start] = size
         return values
 
     def _analytic(self, start: int, stop: int) -> NDArray[np.complexfloating]:
@@ -225,9 +227,6 @@ class EnvelopeSeries(ComputedSeries):
             return self._whitened.read(start, stop)
         near: Any = self._mirrored(start - self.reach, stop + self.reach)
         return scipy.signal.oaconvolve(near, self._taps, mode="valid")
-
-    def _size(self, analytic: NDArray[np.complexfloating]) -> NDArray[np.floating]:
-        return analytic.real**2 + analytic.imag**2 if self.squared else np.abs(analytic)
 
 
 def envelope(
@@ -281,11 +280,8 @@ def envelope(
     check_finite(array.reshape(-1), "signal")
     if array.ndim == 0 or array.shape[-1] < 2:
         raise ValueError(f"signal must hold at least 2 samples, got shape {array.shape}.")
-    values = np.empty_like(array)
-    flat = values.reshape(-1, array.shape[-1])
-    for row, out in zip(array.reshape(-1, array.shape[-1]), flat, strict=True):
-        out[:] = EnvelopeSeries(row, fs, band, squared=squared)[:]
-    return values
+    rows = array.reshape(-1, array.shape[-1])
+    return np.reshape([EnvelopeSeries(row, fs, band, squared=squared) for row in rows], array.shape)
 
 
 def band_at(band: Any, fs: float) -> Band:

@@ -85,12 +85,9 @@ class WhitenedSeries(ComputedSeries):
             count = min(self._n_group, self._n_segments - first)
             begin = first * hop - fade
             near = self._mirrored(begin, begin + count * hop + fade)
-            segments = np.empty((count, hop + fade), near.dtype)
-            levels = np.empty(count)
-            for row, segment in enumerate(segments):
-                part = near[row * hop : row * hop + len(segment)]
-                levels[row] = part.mean(dtype=np.float64)
-                np.subtract(part, near.dtype.type(levels[row]), out=segment)
+            segments = np.lib.stride_tricks.sliding_window_view(near, hop + fade)[::hop]
+            levels = segments.mean(axis=1, dtype=np.float64)
+            segments = segments - levels.astype(near.dtype)[:, np.newaxis]
             # Without a taper, the cut ends of a strong tone would be impacts.
             self._faded(segments)
             rms = np.sqrt(1 - fade / (hop + fade))

@@ -232,7 +232,7 @@ class AngleStroke:
             other readers, so they must not be changed.
         """
         wanted = [[row for row in rows if row in group] for group in self.parent.rate_groups]
-        groups = [group for group in wanted if group]
+        groups = list(filter(None, wanted))
         if len(groups) == 1:
             return self._of_one_rate(rows)
         places = [[list(rows).index(row) for row in group] for group in groups]

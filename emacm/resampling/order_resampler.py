@@ -332,12 +332,9 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         longest_gap(self.max_rest, 1.0)
         check_number(self.ratio, "ratio", at_least=1e-6, at_most=1e6)
         check_choice(self.reference_kind, "reference_kind", ("velocity", "angle"))
-        if isinstance(self.reference, bool) or not isinstance(
-            self.reference, str | int | np.integer | None
-        ):
-            raise TypeError(
-                f"reference must be the index or the name of a channel, got {self.reference!r}."
-            )
+        if not isinstance(self.reference, str | int | np.integer | None):
+            text = "reference must be the index or the name of a channel"
+            raise TypeError(f"{text}, got {self.reference!r}.")
 
     def _recordings(self, X: Any) -> list[Recording]:
         """Return X as recordings, whatever form it came in."""

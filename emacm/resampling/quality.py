@@ -275,13 +275,10 @@ def check_channel(
         return ChannelCheck(0.0, "constant", text)
     scaled = rows / largest if largest > 0 else rows  # squares of any finite value
     defect, where = _flat_stretches(scaled, starts, [(a * n, b * n) for a, b in turning], settings)
-    text = {
-        "": "",
-        "clipped": f"channel {name!r} is clipped at {where * largest:.4g}",
-        "drop-outs": f"channel {name!r} has drop-outs: in {100 * where:.2g} % of the time "
-        f"it is constant",
-    }[defect]
-    return ChannelCheck(float(scaled.std()) * largest, defect, text)
+    text = f"channel {name!r} is clipped at {where * largest:.4g}"
+    if defect == "drop-outs":
+        text = f"channel {name!r} has drop-outs: in {100 * where:.2g} % of the time it is constant"
+    return ChannelCheck(float(scaled.std()) * largest, defect, text if defect else "")
 
 
 def _sampled(series: Series, settings: ChannelCheckSettings) -> tuple[Array, NDArray[np.intp]]:

@@ -36,15 +36,12 @@ class Series(Protocol):
     @property
     def dtype(self) -> np.dtype[Any]:
         """Type of the samples."""
-        ...
 
     def __len__(self) -> int:
         """Return the number of samples."""
-        ...
 
     def __getitem__(self, key: Any) -> Any:
         """Return a slice as an array, or one sample."""
-        ...
 
 
 class LazySeries:
@@ -247,7 +244,6 @@ class JoinedTravel(LazySeries):
         turns = no_rest * np.abs(self._from[1:] - ends[:-1])
         self._before = np.concatenate([[0.0], np.cumsum(run[:-1] + turns)])
         self._after = self._before + run
-        self.known: dict[str, Any] = {}
 
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return the travel at samples `start` to `stop` (exclusive) [rad]."""
@@ -310,11 +306,10 @@ def parts(start: int, stop: int, at_most: int) -> Iterator[tuple[int, int]]:
         yield start + k * (stop - start) // count, start + (k + 1) * (stop - start) // count
 
 
-def blocks(series: Series, start: int = 0, stop: int | None = None) -> Iterator[tuple[int, Any]]:
+def blocks(series: Series) -> Iterator[tuple[int, Any]]:
     """Yield a series in pieces of at most `BLOCK` samples, each with its first index."""
-    stop = len(series) if stop is None else stop
-    for first in range(start, stop, BLOCK):
-        yield first, series[first : min(first + BLOCK, stop)]
+    for first in range(0, len(series), BLOCK):
+        yield first, series[first : first + BLOCK]
 
 
 def sources(series: Series) -> list[NDArray[Any]]:
