@@ -15,16 +15,7 @@ from scipy.optimize import isotonic_regression
 # that of the healthy state, in every display. Line styles, markers and hatches repeat the
 # distinction for print in grey.
 COLOURS = ("#009E73", "#D55E00", "#0072B2", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999933")
-STYLES = (
-    "-",
-    "--",
-    "-.",
-    ":",
-    (0, (8, 2)),
-    (0, (4, 1, 1, 1, 1, 1)),
-    (0, (1, 3)),
-    (0, (10, 2, 2, 2)),
-)
+STYLES = ("-", "--", "-.", ":", (0, (8, 2)), (0, (3, 1)), (0, (1, 3)), (0, (10, 2, 2, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<")
 HATCHES = ("", "///", "...", "\\\\\\", "xxx", "---", "+++", "ooo")
 HEALTHY = "healthy"  # default label of the healthy state
@@ -249,11 +240,10 @@ def mark_orders(ax: Any, lines: pd.DataFrame, *, named: bool = True) -> float:
     upright = bool(np.any(np.diff(places) < (widths[1:] + widths[:-1]) / 2 + 4))
     shifts = spread(places, SMALL + 3) - places if upright else np.zeros(len(places))
     style = {"xycoords": ax.get_xaxis_transform(), "ha": "center", "va": "bottom"}
+    style["rotation"] = 90 if upright else 0
     for name, order, shift in zip(inside.index, inside["order"], shifts, strict=True):
         moved = abs(shift) > 1
-        look = style | {"leader": moved, "rotation": 90 if upright else 0}
-        offset = (shift, 12 if moved else 3)
-        _annotate(ax, name, (order, 1), offset, **look)
+        _annotate(ax, name, (order, 1), (shift, 12 if moved else 3), leader=moved, **style)
     return float(16 + 1.1 * widths.max() if upright else SMALL + 6)
 
 

@@ -67,22 +67,6 @@ def check_labels(labels: ArrayLike, n_recordings: int, name: str = "labels") -> 
     return array
 
 
-def check_columns(table: Any, columns: Sequence[str], name: str = "table") -> None:
-    """Raise an error if a table lacks a column or has no row.
-
-    Raises
-    ------
-    ValueError
-        The message names the missing columns.
-    """
-    missing = [column for column in columns if column not in getattr(table, "columns", ())]
-    if missing or not len(table):
-        raise ValueError(
-            f"{name} must have the columns {list(columns)} and at least one row; it has no "
-            f"{missing or 'row'}."
-        )
-
-
 def predicted_lines(
     fault_orders: pd.DataFrame | Mapping[str, float] | None, slip: float
 ) -> pd.DataFrame:

@@ -79,9 +79,10 @@ class FaultLinesDisplay(Display):
         self.orders, self.spectrum = np.asarray(self.orders), np.asarray(self.spectrum)
         series = fault_series(self.parts, self.harmonics)
         known = [fault.name for fault in series]
-        for name in self.faults or ():
-            if name not in known:
-                raise ValueError(f"faults names {name!r}; those of the parts are {known}.")
+        if not set(self.faults or ()) <= set(known):
+            raise ValueError(
+                f"faults must be of the parts, {known}; got {list(self.faults or ())}."
+            )
         self._series = [f for f in series if self.faults is None or f.name in self.faults]
         self._levels = LineLevels(self.orders, self._series, self.slip, 0.5, without_shaft=True)
 
@@ -92,18 +93,16 @@ class FaultLinesDisplay(Display):
         parts: Parts,
         *,
         channel: str | None = None,
-        harmonics: int = 3,
-        slip: float = 0.02,
         faults: Sequence[str] | None = None,
         ax: Any = None,
     ) -> FaultLinesDisplay:
-        """Compute the spectrum by `bearing_recipe`, and draw it.
+        """Compute the spectrum by `bearing_recipe`, and draw it with three lines of each fault.
 
         Parameters
         ----------
         recording : Recording
             Vibration as measured.
-        parts, harmonics, slip, faults
+        parts, faults
             As for the class.
         channel : str, optional
             Default: the first one.
@@ -120,13 +119,12 @@ class FaultLinesDisplay(Display):
             If an option is invalid, there is no such channel, or the recording is too short.
         """
         chosen = _tables.chosen_channels(recording, channel and [channel])[0]
-        known: dict[str, Any] = {"harmonics": harmonics, "slip": slip}
-        recipe = bearing_recipe(parts, revolutions=25, channels=[chosen], **known)
+        recipe = bearing_recipe(parts, channels=[chosen])
         table = recipe[:-1].fit_transform([recording])
         (block,) = parse_order_columns(column_names(table) or ()) or ()
         spectrum = np.asarray(table)[0, block.columns]
-        known |= {"channel": chosen, "faults": faults}
-        return cls(block.orders, spectrum, parts, **known).plot(ax=ax)
+        display = cls(block.orders, spectrum, parts, channel=chosen, faults=faults)
+        return display.plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
         """Return the lines: one row per fault and harmonic.
@@ -248,10 +246,9 @@ class KurtogramDisplay(Display):
             mesh = ax.pcolormesh(edges, [level - 0.5, level + 0.5], values[np.newaxis], **scale)
         low, high = found.band
         level = int(np.argmin(np.abs(np.array(found.widths) - (high - low))))
-        text = f"{low:.0f} to {high:.0f} Hz"
         style = {"color": _drawing.COLOURS[1], "linewidth": 2}
         corners = [low, high, high, low, low], level + np.array([-0.5, -0.5, 0.5, 0.5, -0.5])
-        ax.plot(*corners, label=text, clip_on=False, **style)
+        ax.plot(*corners, label=f"{low:.0f} to {high:.0f} Hz", clip_on=False, **style)
         ax.set(xlabel="frequency [Hz]", ylabel="width of the band [Hz]", xlim=(0, found.fs / 2))
         ax.set_yticks(range(len(found.widths)), [f"{width:.4g}" for width in found.widths])
         ax.set_ylim(len(found.widths) - 0.5, -0.5)

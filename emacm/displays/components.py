@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from emacm._checks import check_count
 from emacm.displays import _bars, _drawing, _tables
 from emacm.displays._bars import bar_style
 from emacm.displays._drawing import Display
@@ -165,12 +164,11 @@ class LoadingsDisplay(Display):
         Raises
         ------
         ValueError
-            If there is no such step, it has fewer components, or names are not known.
+            If there is no such step, or names are not known.
         """
         step, before = _tables.pipeline_until(
             estimator, lambda s: hasattr(s, "explained_variance_ratio_"), "a fitted PCA"
         )
-        check_count(n_components, "n_components", at_most=len(step.components_))
         shares = 100 * step.explained_variance_ratio_[:n_components]
         titles = [f"component {i} ({share:.3g} %)" for i, share in enumerate(shares, 1)]
         names = getattr(step, "feature_names_in_", None)

@@ -88,17 +88,16 @@ class ContributionsDisplay(OrderDisplay):
         Raises
         ------
         TypeError, ValueError
-            If a column is missing or has invalid values, or an option is invalid.
+            If a value or an option is invalid.
         """
-        _tables.check_columns(table, ("column", "contribution"))
         return cls(table["column"], table["contribution"], **options).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
         """Return the contributions, one row per bin, and the names of the fault orders in it."""
         rows = [
-            (block.channel, name, self.contributions[column], self._faults_within(band))
+            (block.channel, name, self.contributions[column], self._faults_within(block, place))
             for block in self.blocks
-            for name, band, column in zip(block.names, _bands(block), block.columns, strict=True)
+            for place, (name, column) in enumerate(zip(block.names, block.columns, strict=True))
         ]
         return pd.DataFrame(rows, columns=["channel", "bin", "contribution", "fault_orders"])
 
@@ -125,12 +124,8 @@ class ContributionsDisplay(OrderDisplay):
         _drawing.legend_above(axes[0], gap=_bars.mark_panels(axes, self.blocks, self.fault_orders))
         return axes
 
-    def _faults_within(self, band: Any) -> str:
-        if band is None:
+    def _faults_within(self, block: Any, place: int) -> str:
+        if block.bands is None:
             return ""
-        orders = self.fault_orders["order"]
-        return ", ".join(orders.index[(orders >= band[0]) & (orders < band[1])])
-
-
-def _bands(block: Any) -> Sequence[Any]:
-    return [None] * len(block.names) if block.bands is None else list(block.bands)
+        orders, (low, high) = self.fault_orders["order"], block.bands[place]
+        return ", ".join(orders.index[(orders >= low) & (orders < high)])

@@ -9,12 +9,10 @@ import numpy as np
 import pandas as pd
 from sklearn.metrics import roc_auc_score, roc_curve
 
-from emacm.displays import _drawing, _tables
+from emacm.displays import _drawing
 from emacm.displays._drawing import Display
 from emacm.evaluation.novelty import UnknownEvaluation
 from emacm.evaluation.results import Evaluation
-
-_COLUMNS = ("left_out", "typicality", "is_unknown")
 
 
 @dataclass(eq=False, repr=False)
@@ -37,12 +35,6 @@ class UnknownRocDisplay(Display):
     ax_, figure_
         Axes and figure, set when the display is drawn.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If a column is missing, a value is not finite, or a family has no known or no unknown
-        recording.
-
     Examples
     --------
     >>> import pandas as pd
@@ -56,16 +48,6 @@ class UnknownRocDisplay(Display):
 
     table: pd.DataFrame
     intervals: pd.DataFrame | None = None
-
-    def __post_init__(self) -> None:
-        _tables.check_columns(self.table, _COLUMNS)
-        _tables.check_values(self.table["typicality"], "typicality", (None,), least=0)
-        for family, part in self.table.groupby("left_out", sort=False):
-            if part["is_unknown"].nunique() < 2:
-                raise ValueError(
-                    f"table must have known and unknown recordings of each family left out; "
-                    f"{family!r} has {int(part['is_unknown'].sum())} unknown of {len(part)}."
-                )
 
     @classmethod
     def from_evaluation(cls, evaluation: UnknownEvaluation, *, ax: Any = None) -> UnknownRocDisplay:
@@ -81,11 +63,6 @@ class UnknownRocDisplay(Display):
         Returns
         -------
         UnknownRocDisplay
-
-        Raises
-        ------
-        ValueError
-            If no family was left out.
         """
         return cls(evaluation.predictions, evaluation.table).plot(ax=ax)
 
@@ -271,7 +248,7 @@ class EvaluationDisplay(Display):
         self._draw_rates(axes[0])
         self._draw_confusion(axes[1])
         if self.calibration is not None:
-            self._draw_reliability(axes[2])
+            self._draw_reliability(axes[2], self.calibration)
         return axes
 
     def _panels(self) -> Any:
@@ -334,9 +311,7 @@ class EvaluationDisplay(Display):
         _drawing.label_axes(panel, "true class", "decision")
         self._title(panel, "recordings, shaded by\nthe share of each true class")
 
-    def _draw_reliability(self, panel: Any) -> None:
-        curve = self.calibration
-        assert curve is not None
+    def _draw_reliability(self, panel: Any, curve: pd.DataFrame) -> None:
         panel.plot([0, 100], [0, 100], color="0.5", linestyle="--", linewidth=1)
         confidence, frequency, low, high = 100 * curve[CURVE[:4]].to_numpy(float).T
         panel.vlines(confidence, low, high, color=_drawing.PLAIN, linewidth=1.4)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from sklearn.utils.validation import check_is_fitted
 
 from emacm.alarms.control_charts import CUSUM, EWMA
-from emacm.displays import _drawing, _tables
+from emacm.displays import _drawing
 from emacm.displays._drawing import Display
 from emacm.life.life_calibration import BEFORE_ONSET, DAMAGE
 from emacm.life.remaining_life import RemainingLife
@@ -56,7 +56,7 @@ class AlarmDisplay(Display):
 
     @classmethod
     def from_estimator(
-        cls, estimator: EWMA | CUSUM, X: Any, times: Any = None, *, ax: Any = None, **options: Any
+        cls, estimator: EWMA | CUSUM, X: Any, times: ArrayLike, *, ax: Any = None, **options: Any
     ) -> AlarmDisplay:
         """Compute the chart of readings, from its start, and draw it.
 
@@ -66,8 +66,8 @@ class AlarmDisplay(Display):
             Fitted; its state is neither used nor changed.
         X : array-like or DataFrame of shape (n_readings, n_columns)
             Readings; the chart of the first column is drawn.
-        times : array-like of shape (n_readings,), optional
-            Default: the number of each reading, from 1.
+        times : array-like of shape (n_readings,)
+            Time, age or number of each reading.
         ax : matplotlib Axes, optional
             Where to draw.
         **options
@@ -87,7 +87,6 @@ class AlarmDisplay(Display):
         statistic = estimator.reset().update(X).statistic[:, 0]
         estimator.restore(state)
         options.setdefault("name", type(estimator).__name__ + " [standard deviations]")
-        times = np.arange(1, len(statistic) + 1) if times is None else times
         options["two_sided"] = isinstance(estimator, EWMA)
         return cls(times, statistic, estimator.limit_, **options).plot(ax=ax)
 
@@ -95,8 +94,8 @@ class AlarmDisplay(Display):
         """Return one row per reading: "time", "statistic", "alarm"."""
         statistic = np.asarray(self.statistic)
         beyond = np.abs(statistic) if self.two_sided else statistic
-        columns = {"time": self.times, "statistic": statistic, "alarm": beyond > self.limit}
-        return pd.DataFrame(columns)
+        alarm = beyond > self.limit
+        return pd.DataFrame({"time": self.times, "statistic": statistic, "alarm": alarm})
 
     def _draw(self, ax: Any) -> Any:
         (ax,) = _drawing.panel_axes(ax, height=2.6)
@@ -138,7 +137,7 @@ class TrendDisplay(Display):
     Raises
     ------
     ValueError
-        If a column is missing, no unit has an index, or there are too many units for one figure.
+        If no unit has an index, or there are too many units for one figure.
 
     Examples
     --------
@@ -152,7 +151,6 @@ class TrendDisplay(Display):
     time_label: str = field(default="time", kw_only=True)
 
     def __post_init__(self) -> None:
-        _tables.check_columns(self.table, ("unit", "time", "index", "limit", "alarm"))
         self._units = self.frame()["unit"].unique().tolist()
         if not 1 <= len(self._units) <= 8:
             raise ValueError(
@@ -222,11 +220,6 @@ class RemainingLifeDisplay(Display):
     ax_, figure_
         Axes and figure, set when the display is drawn.
 
-    Raises
-    ------
-    ValueError
-        If a column is missing.
-
     Examples
     --------
     >>> table = pd.DataFrame(
@@ -241,9 +234,6 @@ class RemainingLifeDisplay(Display):
     true: ArrayLike | None = None
     unit: str = field(default="h", kw_only=True)
     coverage: float = field(default=0.9, kw_only=True)
-
-    def __post_init__(self) -> None:
-        _tables.check_columns(self.table, ("age", "stage", "median", "lower", "upper"))
 
     @classmethod
     def from_estimator(

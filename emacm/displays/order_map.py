@@ -17,7 +17,6 @@ from emacm.orders.welch import order_psd, samples_per_revolution, segment_plan
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleStroke
 from emacm.resampling.order_resampler import OrderResampler
-from emacm.shaft.paths import ShaftPath
 
 Segments = tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]
 
@@ -151,9 +150,10 @@ class OrderMapDisplay(OrderDisplay):
                 f"{longest:.4g}. Lower revolutions."
             )
         parts = (np.concatenate(values) for values in zip(*segments, strict=True))
-        known = {"channel": chosen, "envelope": _tables.envelopes_in(recording).get(chosen)}
-        known["unit"] = recording.units.get(chosen, "unit")
-        return cls(plan.orders, *parts, max_order=max_order, **(known | options)).plot(ax=ax)
+        options.setdefault("unit", recording.units.get(chosen, "unit"))
+        options["envelope"] = _tables.envelopes_in(recording).get(chosen)
+        display = cls(plan.orders, *parts, channel=chosen, max_order=max_order, **options)
+        return display.plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
         """Return the PSD: one row per segment (start, stop, speed), one column per order."""
@@ -217,13 +217,9 @@ def _segments(stroke: AngleStroke, step: int, length: int, welch: Mapping[str, A
     _, psd = order_psd(segments, samples_per_revolution(theta_s), **welch)
     starts = step * np.arange(len(segments))
     travel = theta_s * np.stack([starts, starts + length - 1], axis=1)
-    intervals = _times_at(stroke.path, travel)
+    path = stroke.path
+    # Below min_speed the shaft may reverse slightly; interpolation needs an increasing angle.
+    angles = np.maximum.accumulate(np.asarray(path.travel))
+    intervals = path.start_time + np.interp(travel, angles, np.arange(len(angles))) / path.fs
     turned = np.diff(travel)[:, 0] * (stroke.direction or 1)
     return psd, intervals, turned / np.diff(intervals)[:, 0]
-
-
-def _times_at(path: ShaftPath, travel: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return the times at which the shaft has travelled these angles [s]."""
-    # Below min_speed the shaft may reverse slightly; interpolation needs an increasing angle.
-    run = np.maximum.accumulate(np.asarray(path.travel))
-    return path.start_time + np.interp(travel, run, np.arange(len(run))) / path.fs

@@ -48,7 +48,7 @@ class OutcomesDisplay(Display):
     Raises
     ------
     TypeError, ValueError
-        If a column is not an outcome, there is no row, or a count is negative or not finite.
+        If a column is not an outcome, or there is no row.
 
     Notes
     -----
@@ -77,7 +77,6 @@ class OutcomesDisplay(Display):
                 f"counts must have columns among {list(OUTCOMES)} and at least one row; got "
                 f"{list(counts.columns)} and {len(counts)} rows."
             )
-        _tables.check_values(counts, "counts", (None, None), least=0)
         self.counts = counts.reindex(columns=list(OUTCOMES), fill_value=0).astype(float)
 
     @classmethod

@@ -10,13 +10,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_choice
 from emacm.displays import _bars, _drawing, _tables
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.bins import check_stop_bands
 from emacm.orders.columns import BinBlock, column_names, parse_bin_columns, parse_order_columns
 from emacm.orders.order_psd import OrderPSD
-from emacm.orders.welch import SCALINGS
 
 
 @dataclass(eq=False, repr=False, kw_only=True)
@@ -29,6 +27,7 @@ class PowerDisplay(_tables.OrderDisplay):
     _step: ClassVar[type]
     _from_step: ClassVar[tuple[str, ...]]
     _parse: ClassVar[Any]  # parser of the column names
+    _of_means: ClassVar[Any]  # constructor from means by label, and the blocks of channels
 
     unit: str | Mapping[str, str] = "unit"
     envelopes: Any = None
@@ -77,11 +76,6 @@ class PowerDisplay(_tables.OrderDisplay):
         single = channel if isinstance(channel, str) else None
         means = _tables.means_by_label(table, labels, single or "all recordings")
         return cls._of_means(means, blocks, single, **options).plot(ax=ax)
-
-    @classmethod
-    def _of_means(cls, means: Any, blocks: Any, single: str | None, **options: Any) -> Self:
-        """Return the display of the columns of some channels, or of a single one."""
-        raise NotImplementedError
 
     @classmethod
     def from_estimator(
@@ -207,7 +201,6 @@ class OrderSpectrumDisplay(PowerDisplay):
             str(label): _tables.check_values(values, f"the spectrum of {label!r}", shape, least=0)
             for label, values in self.spectra.items()
         }
-        check_choice(self.scaling, "scaling", SCALINGS)
 
     @classmethod
     def _of_means(cls, means: Any, blocks: Any, single: str | None, **options: Any) -> Self:

@@ -121,7 +121,8 @@ def explain_decision(
     classes = classifier.classes_.tolist()
     decision, against = _question(classifier, traced.features, decision, against)
     with_unknown = classifier.unknown is not None and classifier.unknown in (decision, against)
-    code = classes.index(against) if not with_unknown else traced.nearest(classifier)
+    of_unknown = classifier.distances_.nearest(traced.features) if with_unknown else None
+    code = classes.index(against) if of_unknown is None else int(of_unknown[0])
     others, centre = None, None
     if background is not None:
         values = opened.table(background)[0]
@@ -135,8 +136,8 @@ def explain_decision(
         distances = classifier.distances_
         slope = distances.square_gradient((start + end) / 2, code)
         value, baseline = (distances.squares(z, code)[0] for z in (end, start))
-        quantity = f"squared distance from {classes[code]!r}, the nearest class"
-        quantity += " [standard deviations]"
+        nearest = f"{classes[code]!r}, the nearest class"
+        quantity = f"squared distance from {nearest} [standard deviations]"
     else:
         own = classes.index(decision)
         slope = mean_slope_of_log_odds(classifier, start, end, own, code)
@@ -197,8 +198,7 @@ def explain_model(pipeline: Any, X: Any, y: ArrayLike | None = None) -> pd.DataF
     1  torque@0-1   0.07
     """
     opened = OpenedPipeline.of(pipeline, X)
-    classifier = opened.classifier
-    traced = _Traced.of(opened, X)
+    classifier, traced = opened.classifier, _Traced.of(opened, X)
     if y is None:
         own = np.argmax(joint_log_proba(classifier, traced.features), axis=1)
         codes = np.flatnonzero(classifier.priors_ > 0).tolist()
@@ -261,10 +261,6 @@ class _Traced:
             if self.trace.linear:  # the shortest step with this difference of features
                 step = step @ np.linalg.pinv(matrix).T
         return step, end - step @ matrix.T, end
-
-    def nearest(self, classifier: CostSensitiveGaussianBayes) -> int:
-        """Return the index of the class nearest to the first recording."""
-        return int(classifier.distances_.nearest(self.features)[0])
 
     def deviations(
         self,

@@ -78,7 +78,6 @@ def match_fault_orders(
             f"column {missing[0]!r}."
         )
     check_number(slip, "slip", at_least=0, below=1)
-    check_number(min_width, "min_width", at_least=0, unit="orders")
     names, centres, low, high = _with_harmonics(orders, slip, min_width, harmonics)
     bottom, top = (
         explanation[name].to_numpy(np.float64)[:, np.newaxis] for name in ("low", "high")

@@ -86,27 +86,20 @@ def _columns(step: Any, names: Any, scales: Array) -> tuple[Any, Array]:
     names = step.get_feature_names_out(names)
     if not isinstance(step, FunctionTransformer):
         scale = 1.0 if isinstance(step, FaultLines) else np.nan  # levels in dB
-        scales = np.full(
-            len(names), np.inf if isinstance(step, BinTransformer | OrderPSD) else scale
-        )
+        scale = np.inf if isinstance(step, BinTransformer | OrderPSD) else scale
+        scales = np.full(len(names), scale)
     return names, scales
 
 
 def _union_columns(union: FeatureUnion, names: Any, scales: Array) -> tuple[Any, Array]:
-    parts = {
-        name: _columns(step, names, scales)
-        for name, step in union.transformer_list
-        if step != "drop"
-    }
-    if any(own is None for own, _ in parts.values()):
-        return None, scales
-    verbose = union.verbose_feature_names_out
-    joined = [
-        f"{prefix}__{name}" if verbose else name
-        for prefix, (own, _) in parts.items()
-        for name in own
-    ]
-    return joined, np.concatenate([own for _, own in parts.values()])
+    joined, found = [], []
+    for prefix, step in union.transformer_list:
+        own, own_scales = _columns(step, names, scales)
+        if own is None:
+            return None, scales
+        joined += [f"{prefix}__{name}" if union.verbose_feature_names_out else name for name in own]
+        found.append(own_scales)
+    return joined, np.concatenate(found)
 
 
 def _decibels_per_unit(logarithm: FunctionTransformer) -> float:
@@ -244,10 +237,9 @@ def one_recording(x: Any) -> Any:
     if isinstance(x, np.ndarray) and x.ndim == 1:
         return x[np.newaxis]
     if isinstance(x, str) or not hasattr(x, "__len__") or len(x) != 1:
-        found = len(x) if hasattr(x, "__len__") else repr(x)
         raise ValueError(
-            f"x must be one recording, or one row of a table; got {found}. Select one, as "
-            f"X[3] or X.iloc[[3]], or explain them together by explain_model."
+            f"x must be one recording, or one row of a table; got {type(x).__name__}. Select one, "
+            f"as X[3] or X.iloc[[3]], or explain them together by explain_model."
         )
     return x
 

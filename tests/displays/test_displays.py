@@ -219,17 +219,13 @@ LABELS = {"healthy": "new", "y_true": ["new", "worn"]}
         (lambda: RecordingDisplay.from_recording(RUN, ax=Figure().subplots()), "2 panels"),
         (lambda: ExplainedVarianceDisplay([0.5]).plot(ax=Figure().subplots(2)), "1 panels"),
         (lambda: LoadingsDisplay(BINS, [[1.0]]), "loadings"),
-        (lambda: ContributionsDisplay.from_table(pd.DataFrame({"low": [1.0]})), "column"),
         (lambda: FeatureDensityDisplay.from_estimator(LogisticRegression(), POINTS, [0, 1]), "fit"),
-        (lambda: UnknownRocDisplay(TYPICALITY), "left_out"),
-        (lambda: UnknownRocDisplay(TYPICALITY.assign(left_out=["a", "b"])), "'a'"),
         (lambda: OutcomesDisplay(pd.DataFrame({"good": [1]})), "good"),
         (lambda: OutcomesDisplay.from_predictions(y_pred=["new"], **LABELS), "y_pred"),
         (lambda: OutcomesDisplay.from_predictions(["worn"], ["dry"], healthy="new"), "'new'"),
         (lambda: OutcomesDisplay.from_predictions(["new"], ["dry"], healthy="new"), "Give classes"),
         (lambda: FaultLinesDisplay(FINE, np.ones(100), {"mesh": 30.0}), "mesh"),
         (lambda: FaultLinesDisplay([0, 1, 2], np.ones(3), {"mesh": 1.0}, faults=["x"]), "'x'"),
-        (lambda: RemainingLifeDisplay(pd.DataFrame(REMAINING)), "lower"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused_with_its_place(make, place):
