@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import log_softmax
 from sklearn.base import ClassifierMixin
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.multiclass import check_classification_targets
@@ -35,23 +36,16 @@ from emacm.decisions.truths import check_classes, label_positions, truth_priors
 from emacm.decisions.typicality import Typicality, fit_typicality
 
 Array = NDArray[np.float64]
-
-
 Indices = NDArray[np.intp]
 
 
 def can_add_recordings(classifier: Any) -> bool:
     """Return True if `partial_fit` is available; otherwise an AttributeError states the reason."""
-    if isinstance(classifier.shrinkage, str) and classifier.shrinkage == "auto":
+    left_out = classifier.unknown is not None or classifier.temperature == "groups"
+    if left_out or classifier.shrinkage == "auto":
         raise AttributeError(
-            'partial_fit is not available with shrinkage="auto": Ledoit-Wolf needs fourth '
-            "moments of the recordings, which are not kept. "
-            'Use "oas" or a number, or fit all recordings at once.'
-        )
-    if classifier.unknown is not None or isinstance(classifier.temperature, str):
-        raise AttributeError(
-            'partial_fit is not available with unknown= or temperature="groups": both are found by '
-            "leaving groups out, for which all recordings are needed at once. Use fit."
+            'partial_fit is not available with shrinkage="auto", unknown= or temperature="groups", '
+            'which need all recordings at once. Use "oas" or a number, or fit.'
         )
     return True
 
@@ -284,7 +278,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         codes = np.array(label_positions(y.tolist(), labels.tolist(), "y", "class"), np.intp)
         moments = class_moments(X, codes, len(labels), weight, self.covariance, self.shrinkage)
         if known is not None:
-            moments = self._merged(moments)
+            moments = self._moments.merge(moments)
         if not moments.counts.sum() > 0:
             raise ValueError("sample_weight must not be zero for every recording.")
         gaussians = class_gaussians(moments, self.covariance, self.shrinkage)
@@ -314,7 +308,12 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         """
         X = self._checked_features(X)
         priors = self.priors_
-        check_seen(priors, self.class_count_, self.classes_)
+        unseen = (priors > 0) & ~(self.class_count_ > 0)
+        if unseen.any():
+            raise ValueError(
+                f"priors are given, but class {self.classes_[unseen].tolist()} has had no "
+                f"recordings yet. Call partial_fit with recordings of it, or use priors=None."
+            )
         with np.errstate(divide="ignore"):
             log_priors = np.log(priors)
         joint = self._gaussians.log_densities(X)
@@ -344,10 +343,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         log_posterior : ndarray of shape (n_recordings, n_classes)
             -inf where the prior is 0.
         """
-        joint = self.predict_joint_log_proba(X)
-        joint -= joint.max(axis=1, keepdims=True)
-        joint -= np.log(np.exp(joint).sum(axis=1, keepdims=True))
-        return joint
+        return log_softmax(self.predict_joint_log_proba(X), axis=1)
 
     def log_density_gradient(self, X):
         """Return the gradient of the log density of each class with respect to the features.
@@ -373,15 +369,6 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
             self._check_fitted(stacklevel=6)
         return X
 
-    def _merged(self, moments: ClassMoments) -> ClassMoments:
-        try:
-            return self._moments.merge(moments)
-        except ValueError as error:
-            raise ValueError(
-                "covariance or shrinkage has changed since the last fit or partial_fit, and the "
-                "moments kept of earlier recordings do not suffice for the new choice. Call fit."
-            ) from error
-
     def _set_fitted(
         self, classes: NDArray[Any], moments: ClassMoments, gaussians: GaussianClasses
     ) -> None:
@@ -394,92 +381,41 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         self._calibration = LeftOutCalibration()
 
     def _check_fitted(self, stacklevel: int) -> None:
-        singular = self._gaussians.singular
-        check_densities(
-            self._moments, singular, self.classes_, self.shrinkage, stacklevel=stacklevel
+        """Raise an error if a covariance cannot be used; warn if it was raised to the floor."""
+        moments, counts = self._moments, self._moments.group_counts
+        if not moments.feature_variances.max() > 0:
+            raise ValueError(
+                "The largest variance of the features is 0: all recordings have the same features, "
+                "so classes cannot be separated. Check the features."
+            )
+        thin = (moments.divisors <= 0) & diagonals(moments.scatter).any(axis=1)
+        if thin.any():
+            raise ValueError(
+                f"sample_weight is the number of times a recording is counted, but "
+                f"{self._named(thin)} has a total weight of {counts[thin].tolist()}, of which one "
+                f"is subtracted. Multiply the weights by a constant."
+            )
+        singular = self._gaussians.singular & (counts > 0)
+        if not singular.any():
+            return
+        what = f"The covariance of {self._named(singular)} is singular"
+        remedy = (
+            'Use shrinkage="oas" or "auto", fewer features (by PCA), or more recordings, at least '
+            "two per class."
+        )
+        if self.shrinkage is not None:
+            raise ValueError(f"{what} with shrinkage={self.shrinkage!r}. {remedy}")
+        warnings.warn(
+            f"{what}; its eigenvalues were raised to 1e-9 of the largest feature variance. "
+            f"{remedy}",
+            UserWarning,
+            stacklevel=stacklevel,
         )
 
-
-def check_densities(
-    moments: ClassMoments,
-    singular: NDArray[np.bool_],
-    classes: NDArray[Any],
-    shrinkage: Any,
-    *,
-    stacklevel: int,
-) -> None:
-    """Raise or warn if a covariance cannot be used.
-
-    Parameters
-    ----------
-    moments : ClassMoments
-        Moments of the classes.
-    singular : ndarray of bool, shape (n_groups,)
-        Of `GaussianClasses`.
-    classes : ndarray of shape (n_classes,)
-        The classes.
-    shrinkage : None, float or str
-        As for `CostSensitiveGaussianBayes`.
-    stacklevel : int
-        Of the warning, counted from this function.
-
-    Raises
-    ------
-    ValueError
-        If no feature varies, weights count less than two recordings, or a covariance is singular
-        with `shrinkage`.
-
-    Warns
-    -----
-    UserWarning
-        If a covariance was singular and its eigenvalues were raised to the floor.
-    """
-    if not moments.feature_variances.max() > 0:
-        raise ValueError(
-            "The largest variance of the features is 0: all recordings have the same features, so "
-            "classes cannot be separated. Check the features."
-        )
-    thin = (moments.divisors <= 0) & diagonals(moments.scatter).any(axis=1)
-    if thin.any():
-        raise ValueError(
-            f"sample_weight is the number of times a recording is counted, and a covariance is "
-            f"divided by their sum minus one, but {_named(thin, moments, classes)} has a total "
-            f"weight of {moments.group_counts[thin].tolist()}. Multiply the weights by a constant."
-        )
-    useless = singular & (moments.group_counts > 0)
-    if not useless.any():
-        return
-    what = f"The covariance of {_named(useless, moments, classes)} is singular"
-    remedy = (
-        'Use shrinkage="oas" or "auto", fewer features (by PCA), or more recordings, at least two '
-        "per class."
-    )
-    if shrinkage is not None:
-        raise ValueError(f"{what} with shrinkage={shrinkage!r}. {remedy}")
-    warnings.warn(
-        f"{what}; its eigenvalues were raised to 1e-9 of the largest feature variance. {remedy}",
-        UserWarning,
-        stacklevel=stacklevel + 1,
-    )
-
-
-def check_seen(
-    priors: NDArray[np.float64], counts: NDArray[np.float64], classes: NDArray[Any]
-) -> None:
-    """Raise a ValueError if a class has a prior, but no recordings."""
-    unseen = (priors > 0) & ~(counts > 0)
-    if unseen.any():
-        raise ValueError(
-            f"priors are given, but class {classes[unseen].tolist()} has had no recordings yet. "
-            f"Call partial_fit with recordings of it, or use priors=None, which gives it the "
-            f"prior 0."
-        )
-
-
-def _named(groups: NDArray[np.bool_], moments: ClassMoments, classes: NDArray[Any]) -> str:
-    if moments.pooled:
-        return "all classes"
-    return "class " + ", ".join(repr(label) for label in classes[groups].tolist())
+    def _named(self, groups: NDArray[np.bool_]) -> str:
+        if self._moments.pooled:
+            return "all classes"
+        return "class " + ", ".join(repr(label) for label in self.classes_[groups].tolist())
 
 
 def check_parameters(covariance: Any, shrinkage: Any, temperature: Any) -> None:
@@ -507,14 +443,10 @@ def as_counts(weight: Array, shrinkage: Any) -> Array:
 
 def agreed_classes(classes: ArrayLike | None, known: NDArray[Any] | None) -> NDArray[Any]:
     """Return the classes of all calls of `partial_fit`."""
-    if classes is None:
-        if known is None:
-            raise ValueError("classes must be given in the first call of partial_fit.")
-        return known
-    labels = np.unique(column_or_1d(classes))
-    if known is not None and not np.array_equal(labels, known):
+    labels = known if classes is None else np.unique(column_or_1d(classes))
+    if labels is None or not np.array_equal(labels, labels if known is None else known):
         raise ValueError(
-            f"classes must be the same in every call of partial_fit: got {labels.tolist()}, "
-            f"previously {known.tolist()}."
+            f"classes must be the same in every call of partial_fit, and given in the first call: "
+            f"got {classes}, previously {known}."
         )
     return labels

@@ -60,20 +60,9 @@ class GaussianClasses:
             Squared distances to the mean of each class, in standard deviations; infinite where
             they overflow.
         """
-        columns = np.ascontiguousarray(X.T)  # sums over few features are slow along rows
-        squares = np.empty((len(self.means), len(X)))
-        common = len(self.factors) == 1 and self.factors.ndim == 3
         with np.errstate(over="ignore", invalid="ignore"):
-            if common:  # transform once, then subtract the transformed means
-                factor, centre = self.factors[0], self.means.mean(axis=0)
-                columns = factor.T @ (columns - centre[:, np.newaxis])
-                means = (self.means - centre) @ factor
-            for k in range(len(self.means)):
-                if common:
-                    white = columns - means[k][:, np.newaxis]
-                else:
-                    white = self._whiten(columns - self.means[k][:, np.newaxis], k)
-                squares[k] = np.einsum("fr,fr->r", white, white)
+            white = (self._whiten(X - mean, k) for k, mean in enumerate(self.means))
+            squares = np.array([np.einsum("rf,rf->r", each, each) for each in white])
         return np.fmin(squares, np.inf).T  # where terms overflow, infinity instead of NaN
 
     def log_densities(self, X: Array) -> Array:
@@ -99,14 +88,14 @@ class GaussianClasses:
         gradients = np.empty((len(X), *self.means.shape))
         for k, mean in enumerate(self.means):
             factor = self.factors[k % len(self.factors)]
-            white = self._whiten((X - mean).T, k)
-            gradients[:, k] = -(white.T * factor if factor.ndim == 1 else white.T @ factor.T)
+            white = self._whiten(X - mean, k)
+            gradients[:, k] = -(white * factor if factor.ndim == 1 else white @ factor.T)
         return gradients
 
     def _whiten(self, deviations: Array, k: int) -> Array:
-        """Scale deviations from the mean of class k, one column per recording, to unit variance."""
+        """Scale deviations from the mean of class k, one row per recording, to unit variance."""
         factor = self.factors[k % len(self.factors)]
-        return factor[:, np.newaxis] * deviations if factor.ndim == 1 else factor.T @ deviations
+        return deviations * factor if factor.ndim == 1 else deviations @ factor
 
 
 def class_gaussians(
@@ -437,8 +426,8 @@ class ClassMoments:
         """
         if self.scatter.shape != other.scatter.shape or self.pooled != other.pooled:
             raise ValueError(
-                f"Moments can be merged if they have the same kind of scatter, got the shapes "
-                f"{self.scatter.shape} and {other.scatter.shape}."
+                "covariance or shrinkage has changed since the last fit or partial_fit, and the "
+                "moments kept of earlier recordings do not suffice for the new choice. Call fit."
             )
         counts = self.counts + other.counts
         share = np.divide(other.counts, counts, out=np.zeros_like(counts), where=counts > 0)

@@ -294,12 +294,12 @@ class LeastRiskClassifier(
     @property
     def n_features_in_(self):
         """Number of features, as the estimator counts them."""
-        return self._of_the_estimator("n_features_in_")
+        return self.estimator_.n_features_in_
 
     @property
     def feature_names_in_(self):
         """Names of the features, as the estimator knows them."""
-        return self._of_the_estimator("feature_names_in_")
+        return self.estimator_.feature_names_in_
 
     def __sklearn_tags__(self):
         tags, inner = super().__sklearn_tags__(), get_tags(self.estimator)
@@ -332,8 +332,3 @@ class LeastRiskClassifier(
                 f"unknown = {self.unknown!r} needs detector=, an outlier detector with "
                 f"score_samples, such as sklearn.ensemble.IsolationForest()."
             )
-
-    def _of_the_estimator(self, name: str) -> Any:
-        if "estimator_" not in vars(self):
-            raise AttributeError(f"{type(self).__name__} has no {name} before it is fitted.")
-        return getattr(self.estimator_, name)

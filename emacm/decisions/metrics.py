@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
+from sklearn.utils import check_consistent_length
 
 from emacm._checks import positive_weights
 from emacm.decisions.costs import check_pairs, cost_table
@@ -289,10 +290,7 @@ def decision_costs(
 
 def _equally_long(y_true: ArrayLike, y_pred: ArrayLike) -> tuple[list[Any], list[Any]]:
     truths, chosen = label_list(y_true, "y_true"), label_list(y_pred, "y_pred")
-    if len(truths) != len(chosen):
-        raise ValueError(
-            f"y_true and y_pred must be equally long, got {len(truths)} and {len(chosen)} labels."
-        )
+    check_consistent_length(truths, chosen)
     return truths, chosen
 
 

@@ -20,7 +20,7 @@ from sklearn.utils.validation import column_or_1d
 
 from emacm.decisions.costs import cost_table
 from emacm.decisions.metrics import fraction_correct
-from emacm.decisions.truths import truth_labels
+from emacm.decisions.truths import label_array, truth_labels
 
 Array = NDArray[np.float64]
 
@@ -114,14 +114,8 @@ class LeastRiskMixin:
         """
         posterior = self._truth_proba(X)
         decisions, cost = self._cost_table()
-        rows = decide(posterior, cost)
-        decided = decisions.take(rows)
-        if decided.dtype == self.classes_.dtype or self.unknown is None:
-            return decided
-        known = set(self.classes_.tolist())
-        if all(label in known for label in decisions[np.unique(rows)].tolist()):
-            return decided.astype(self.classes_.dtype)  # numbers, unless "unknown" is among them
-        return decided
+        decided = decisions.take(decide(posterior, cost))
+        return decided if self.unknown is None else label_array(decided.tolist(), self.classes_)
 
     def score(self, X, y, sample_weight=None):
         """Return the fraction of correct decisions.

@@ -131,7 +131,7 @@ def check_classes(y: Any) -> None:
     Raises
     ------
     ValueError
-        If a label is None, NaN, pandas.NA or NaT; the message gives the recording.
+        If a label is None, NaN, pandas.NA or NaT; the message gives its position.
     TypeError
         If text and other labels are mixed.
 
@@ -140,19 +140,14 @@ def check_classes(y: Any) -> None:
     >>> check_classes(["healthy", "worn"])
     """
     entries = y if isinstance(y, list | tuple) else np.asarray(y)
-    if isinstance(entries, np.ndarray) and (entries.dtype.kind in "biuUS" or entries.ndim != 1):
-        return
-    labels = plain_labels(label for label in entries if np.ndim(label) == 0)
-    for index, label in enumerate(labels):
-        if pd.isna(label):
-            raise ValueError(
-                f"y must contain the class of every recording, but recording {index} has "
-                f"{label!r}. Leave such recordings out."
-            )
+    if np.ndim(entries) != 1:
+        return  # scikit-learn accepts columns, and refuses tables
+    labels = label_list(entries)
+    for position, label in enumerate(labels):
         if isinstance(label, str) != isinstance(labels[0], str):
             raise TypeError(
-                f"y must contain classes of one type, text or numbers, but recording 0 has "
-                f"{labels[0]!r} and recording {index} has {label!r}."
+                f"y must contain classes of one type, text or numbers, but position 0 has "
+                f"{labels[0]!r} and position {position} has {label!r}."
             )
 
 

@@ -411,8 +411,8 @@ BAD_FITS = [
     (ConditionRouter(LOGISTIC), LOADED, None, r"a classifier needs y, .* call fit\(X, y\)"),
     (ConditionRouter(LOGISTIC), LOADED, "worn", "y must be a list or an array with one class"),
     (ConditionRouter(LOGISTIC), LOADED, STATES[:7], "y has 7 entries for 8 recordings"),
-    (ConditionRouter(LOGISTIC), LOADED, [*STATES[:7], None], "recording 7 has None"),
-    (ConditionRouter(LOGISTIC), LOADED, [*STATES[:7], 3], "recording 7 has 3"),
+    (ConditionRouter(LOGISTIC), LOADED, [*STATES[:7], None], "position 7 has None"),
+    (ConditionRouter(LOGISTIC), LOADED, [*STATES[:7], 3], "position 7 has 3"),
     (
         ConditionRouter(LOGISTIC),
         LOADED,

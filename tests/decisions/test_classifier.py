@@ -399,14 +399,14 @@ def test_a_class_with_a_prior_and_no_recordings_is_an_error_when_deciding(priors
 def test_partial_fit_refuses_what_it_cannot_merge():
     X, y = draw()
     model = CostSensitiveGaussianBayes()
-    with pytest.raises(ValueError, match="classes must be given in the first call"):
+    with pytest.raises(ValueError, match="given in the first call: got None"):
         model.partial_fit(X, y)
     with pytest.raises(ValueError, match="zero for every recording"):
         model.partial_fit(X, y, NAMES, np.zeros(90))
     with pytest.raises(ValueError, match="y contains 'screw' at position"):
         model.partial_fit(X, y, NAMES[:2])
     model.partial_fit(X, y, NAMES)
-    with pytest.raises(ValueError, match=r"classes must be the same.*\['ball', 'healthy'\]"):
+    with pytest.raises(ValueError, match=r"classes must be the same.*'ball' 'healthy'"):
         model.partial_fit(X, y, NAMES[:2])
     with pytest.raises(ValueError, match="'nut' at position 0, which is not a known class"):
         model.partial_fit(X[:1], ["nut"])

@@ -131,7 +131,7 @@ def test_invalid_costs_are_refused_with_their_position(cost, error, message):
 @pytest.mark.parametrize(
     ("truth", "decision", "options", "message"),
     [
-        ([0, 1], [0], {}, "equally long, got 2 and 1"),
+        ([0, 1], [0], {}, "inconsistent numbers of samples"),
         ([], [], {}, "at least one label"),
         ([0, None], [0, 1], {}, "y_true .* position 1 has None"),
         ([[0], [1]], [0, 1], {}, r"one-dimensional, got shape \(2, 1\)"),

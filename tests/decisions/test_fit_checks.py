@@ -7,8 +7,6 @@ import pytest
 from sklearn.base import BaseEstimator, ClassifierMixin
 
 from emacm import CostSensitiveGaussianBayes, LeastRiskClassifier, evaluate
-from emacm.decisions.classifier import check_densities
-from emacm.decisions.gaussians import ClassMoments
 
 CLASSES = np.array(["dry", "new"])
 
@@ -59,20 +57,15 @@ def test_two_recordings_are_enough_and_one_is_not():
     assert one.partial_fit([[3.0]], ["new"]).covariances_[0].tolist() == [[2.0]]
 
 
-def moments(counts, scatter, pooled=False):
-    means = np.array([[0.0], [3.0]])
-    return ClassMoments(np.array(counts), means, np.array(scatter)[:, None, None], pooled)
-
-
 @pytest.mark.parametrize(
-    ("counts", "scatter", "pooled", "named"),
+    ("weight", "covariance", "named"),
     [
-        ([1.0, 4.0], [0.5, 2.0], False, "class 'dry' has a total weight of [1.0]"),
-        ([0.5, 0.9], [0.5, 2.0], False, "class 'dry', 'new' has a total weight of [0.5, 0.9]"),
-        ([0.5, 1.5], [2.0], True, "all classes has a total weight of [2.0]"),
+        ([0.5, 0.5, 2, 2], "full", "class 'dry' has a total weight of [1.0]"),
+        ([0.2, 0.3, 0.4, 0.5], "diag", "class 'dry', 'new' has a total weight of [0.5, 0.9]"),
+        ([0.2, 0.3, 0.7, 0.8], "tied", "all classes has a total weight of [2.0]"),
     ],
 )
-def test_a_class_that_varies_counts_more_than_once(counts, scatter, pooled, named):
-    singular = np.zeros(len(scatter), bool)
+def test_a_class_that_varies_counts_more_than_once(weight, covariance, named):
+    model = CostSensitiveGaussianBayes(covariance=covariance, shrinkage=0.1)
     with pytest.raises(ValueError, match=re.escape(named)):
-        check_densities(moments(counts, scatter, pooled), singular, CLASSES, 0.1, stacklevel=1)
+        model.fit([[0.0], [1.0], [3.0], [5.0]], CLASSES[[0, 0, 1, 1]], weight)

@@ -29,7 +29,7 @@ FITS = {
 @pytest.mark.parametrize("missing", MISSING, ids=lambda value: f"{type(value).__name__} {value}")
 def test_a_recording_without_a_class_is_named(fit, form, missing):
     labels = FORMS[form](["new", "new", "worn", missing, "worn"])
-    with pytest.raises(ValueError, match=r"recording 3 has .*Leave such recordings out"):
+    with pytest.raises(ValueError, match=r"position 3 has .*Leave such entries out"):
         FITS[fit](labels)
 
 
@@ -46,13 +46,13 @@ def test_a_recording_without_a_class_is_named(fit, form, missing):
     ids=["string", "category", "Int64", "datetime64", "float"],
 )
 def test_a_missing_class_in_a_typed_column_is_named(fit, labels):
-    with pytest.raises(ValueError, match=r"recording 3 has .*Leave such recordings out"):
+    with pytest.raises(ValueError, match=r"position 3 has .*Leave such entries out"):
         FITS[fit](labels)
 
 
 @pytest.mark.parametrize("fit", FITS)
 def test_text_and_numbers_are_not_mixed(fit):
-    with pytest.raises(TypeError, match="recording 0 has 'new' and recording 4 has 7"):
+    with pytest.raises(TypeError, match="position 0 has 'new' and position 4 has 7"):
         FITS[fit](["new", "worn", "worn", "worn", 7])
 
 
