@@ -447,6 +447,6 @@ def agreed_classes(classes: ArrayLike | None, known: NDArray[Any] | None) -> NDA
     if labels is None or not np.array_equal(labels, labels if known is None else known):
         raise ValueError(
             f"classes must be the same in every call of partial_fit, and given in the first call: "
-            f"got {classes}, previously {known}."
+            f"got {labels}, previously {known}."
         )
     return labels
