@@ -475,9 +475,7 @@ def test_theta_s_in_float32_means_the_samples_per_revolution_that_it_was_made_of
 
 def test_transposed_arrays_are_refused():
     resampler = OrderResampler(fs=1000, reference=1)
-    with pytest.raises(
-        ValueError, match=r"recording 0: .*\(300, 2\)\. Transpose"
-    ):
+    with pytest.raises(ValueError, match=r"recording 0: .*\(300, 2\)\. Transpose"):
         resampler.fit(np.ones((4, 300, 2)))
 
 
