@@ -155,15 +155,11 @@ class AngleRecording:
         DataFrame
             Indexed by the number of the stroke and the shaft angle [rad].
         """
-        tables = {
-            number: pd.DataFrame(
-                stroke.signals.T,
-                columns=list(self.channels),
-                index=pd.Index(stroke.angles, name="angle"),
-            )
-            for number, stroke in enumerate(self.strokes)
-        }
-        return pd.concat(tables, names=["stroke"])
+        tables = [
+            pd.DataFrame(stroke.signals.T, stroke.angles, list(self.channels))
+            for stroke in self.strokes
+        ]
+        return pd.concat(dict(enumerate(tables)), names=["stroke", "angle"])
 
 
 @dataclass(frozen=True)

@@ -381,9 +381,9 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             way = f" {self.direction}" if wanted else ""
             velocity = recording.velocity
             raise ValueError(
-                f"the shaft never turns{way} faster than min_speed = {self.min_speed:g} rad/s; "
-                f"its speed is between {velocity.min():.4g} and {velocity.max():.4g} rad/s. "
-                f"Leave the recording out, or check its shaft reference and min_speed."
+                f"the shaft never turns{way} faster than min_speed = {self.min_speed:g} rad/s; its "
+                f"speed is between {velocity.min():.4g} and {velocity.max():.4g} rad/s. Leave the "
+                f"recording out, or check its shaft reference and min_speed."
             )
         jump, text = jump_warning(recording)
         if jump > np.pi:

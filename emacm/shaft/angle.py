@@ -270,7 +270,14 @@ def angle_from_currents(currents: ArrayLike, *, pole_pairs: int, weak: float = 0
     >>> angle_from_currents(phases, pole_pairs=2).round(6)
     array([0.5, 1. , 1.5])
     """
-    phases = _phases(currents)
+    array: Any = check_real_array(currents, "currents")
+    if array.ndim != 2 or len(array) not in (2, 3):
+        raise ValueError(
+            f"currents must have shape (2, n_times) or (3, n_times), one row a phase, got "
+            f"{array.shape}. Transpose columns into rows."
+        )
+    named = zip(array, "abc", strict=False)
+    phases = [check_signal(row, f"current of phase {name}").astype(float) for row, name in named]
     pole_pairs = check_count(pole_pairs, "pole_pairs")
     weak = check_number(weak, "weak", at_least=0, below=1)
     a, b, c = phases if len(phases) == 3 else (*phases, -phases[0] - phases[1])
@@ -284,19 +291,6 @@ def angle_from_currents(currents: ArrayLike, *, pole_pairs: int, weak: float = 0
         )
     doubled = _unwrapped_over_gaps(np.angle(vector[strong] ** 2), strong)
     return np.interp(np.arange(len(length)), strong, doubled / 2) / pole_pairs
-
-
-def _phases(currents: ArrayLike) -> list[Angle]:
-    array: Any = check_real_array(currents, "currents")
-    if array.ndim != 2 or len(array) not in (2, 3):
-        raise ValueError(
-            f"currents must have shape (2, n_times) or (3, n_times), one row a phase, got "
-            f"{array.shape}. Transpose columns into rows."
-        )
-    return [
-        check_signal(row, f"current of phase {name}").astype(np.float64)
-        for row, name in zip(array, "abc", strict=False)
-    ]
 
 
 def _unwrapped_over_gaps(phase: Angle, sample: NDArray[np.intp]) -> Angle:

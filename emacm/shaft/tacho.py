@@ -65,7 +65,9 @@ def pulse_times(
     fs = check_number(fs, "fs", above=0, unit="Hz")
     check_choice(edge, "edge", ("rising", "falling"))
     if threshold is None or hysteresis is None:
-        low, high = _tacho_levels(signal)
+        # Levels by percentiles that a few spikes do not move.
+        low, high = (float(level) for level in np.percentile(signal, (0.1, 99.9)))
+        _check_levels(signal, low, high)
         threshold = (low + high) / 2 if threshold is None else threshold
         hysteresis = (high - low) / 4 if hysteresis is None else hysteresis
     level = check_number(threshold, "threshold")
@@ -226,16 +228,13 @@ def angle_from_tacho(
         return angle_from_pulses(times, fs, len(np.asarray(tacho)), pulses_per_rev=pulses_per_rev)
 
 
-def _tacho_levels(signal: Angle) -> tuple[float, float]:
-    """Low and high level of a tacho channel, by percentiles that a few spikes do not move."""
-    low, high = (float(level) for level in np.percentile(signal, (0.1, 99.9)))
+def _check_levels(signal: Angle, low: float, high: float) -> None:
     if not high - low >= np.ptp(signal) / 2 > 0:
         raise ValueError(
             f"tacho must have two levels, got 99.8 % of its samples between {low:.6g} and "
             f"{high:.6g}, all between {signal.min():.6g} and {signal.max():.6g}: a flat channel, "
             f"narrow pulses or stray spikes. Check the sensor, or set threshold and hysteresis."
         )
-    return low, high
 
 
 def _check_pulses(pulses: Angle, end: float) -> None:
@@ -311,15 +310,13 @@ def _numbered(pulses: Angle) -> tuple[NDArray[np.int64], Angle]:
     parts = np.ones(len(intervals), dtype=np.int64)
     changed = True
     while changed:
-        changed = False
         logs = np.log(intervals / parts)
         _, long, expected = _judged(logs)
         long &= parts == 1
         guess = parts.copy()  # so that of two gaps close together neither misleads the other
         guess[long] = np.rint(np.minimum(np.exp(logs - expected), 1e6)[long])
-        for index in np.flatnonzero(long).tolist():
-            parts[index] = _parts_due(pulses, guess, index)
-            changed |= bool(parts[index] > 1)
+        parts[long] = [_parts_due(pulses, guess, index) for index in np.flatnonzero(long).tolist()]
+        changed = bool((parts[long] > 1).any())
     number = np.concatenate(([0], np.cumsum(parts)))
     absent = np.setdiff1d(np.arange(number[-1]), number)
     return number, PchipInterpolator(number, pulses)(absent)
