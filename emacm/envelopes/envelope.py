@@ -199,8 +199,7 @@ class EnvelopeSeries(ComputedSeries):
 
     def _prepare(self) -> None:
         taps = analytic_filter(*self._band, self._fs)
-        single = self.dtype == np.float32
-        self._taps = taps.astype(np.complex64 if single else np.complex128, copy=False)
+        self._taps = taps.astype(np.result_type(self.dtype, np.complex64), copy=False)
         self.reach = len(taps) // 2
         # A prewhitened signal passes the filter while it is a spectrum.
         self._whitened: WhitenedBand | None = None

@@ -183,14 +183,13 @@ def _kurtosis(signal: Any, n_bands: int, n_taps: int) -> Array:
     hop = n_bands // 2
     taps = scipy.signal.firwin(n_taps * n_bands, 0.5, fs=n_bands)
     n_frames = 1 + (len(signal) - len(taps)) // hop
-    n_lines = 2 * n_bands
     moments = np.zeros((2, n_bands + 1))
     at_once = max(1, BLOCK // hop)
     for first in range(0, n_frames, at_once):
         last = min(first + at_once, n_frames)
         part = np.asarray(signal[first * hop : (last - 1) * hop + len(taps)], np.float64)
         frames = np.lib.stride_tricks.sliding_window_view(part, len(taps))[::hop] * taps
-        folded = frames.reshape(last - first, -1, n_lines).sum(axis=1)
+        folded = frames.reshape(last - first, -1, 2 * n_bands).sum(axis=1)
         moments += _moments(scipy.fft.rfft(folded))
     return _ratio(moments[:, 2:-2], n_frames)
 

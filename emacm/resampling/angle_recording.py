@@ -236,20 +236,16 @@ class AngleStroke:
 
     def _of_one_rate(self, rows: Sequence[int]) -> Iterator[NDArray[np.floating]]:
         """Resample channels of one sampling rate block by block."""
-        parent = self.parent
+        parent, path = self.parent, self.path
         timed = parent.timed
         series, rates = zip(*(timed[row] for row in rows), strict=True)
         n_times = min(map(len, series))  # equal to within one sample
         signals = [s if len(s) == n_times else s[:n_times] for s in series]
-        if parent.antialias:
-            stream = spread_rows(signals, rates[0], self.path, parent.theta_s)
-        else:
-            stream = interpolated(
-                signals, rates[0], self.path, parent.theta_s, parent.interpolation
-            )
+        grid = signals, rates[0], path, parent.theta_s
+        spread = parent.antialias
+        stream = spread_rows(*grid) if spread else interpolated(*grid, parent.interpolation)
         if parent.kept is None:
             return stream
-        path = self.path
         key = (path.start_time, path.start_angle, path.direction, path.n_times, *rows)
         return parent.kept.blocks(key, 8 * len(rows) * path.count(parent.theta_s), stream)
 

@@ -12,6 +12,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -190,9 +191,9 @@ def measure(
         score[..., ~usable] = 0
         rows.append(np.ascontiguousarray(score.reshape(-1, score.shape[-1]).T))
     if orders is None:
-        found = _sum_over_first_orders(rows[0], rows[1], grid / spacing, counts, settings)
+        found = _sum_over_first_orders(rows, grid / spacing, counts, settings)
     else:
-        found = _on_lattice(rows[0], rows[0], grid / spacing, orders, (len(orders),), settings)
+        found = _on_lattice(rows[:1], grid / spacing, orders, (len(orders),), settings)
     ratios = found.T.reshape(len(starts), n_rates, len(grid))
     chosen = ratios.argmax(axis=1)
     times = (starts + n_frame / 2) / white.fs
@@ -276,37 +277,37 @@ def _rank_of(
 
 
 def _sum_over_first_orders(
-    first: NDArray[np.float32],
-    others: NDArray[np.float32],
+    rows: Sequence[NDArray[np.float32]],
     places: Array,
     counts: tuple[int, ...],
     settings: SpeedSearchSettings,
 ) -> NDArray[np.float32]:
     """Sum scores of shape (n_bins, n_rows) at the orders of each speed, given in bins."""
-    found = _on_lattice(first, others, places, np.arange(1.0, counts[-1] + 1), counts, settings)
+    found = _on_lattice(rows, places, np.arange(1.0, counts[-1] + 1), counts, settings)
     # Lines between the orders mean that the speed is a multiple of the true one.
     between = np.zeros_like(found)
     for fraction in settings.fractions:
         lattice = np.arange(counts[-1]) + fraction
-        between = np.maximum(
-            between, _on_lattice(others, others, places, lattice, counts, settings)
-        )
+        sums = _on_lattice(rows[1:], places, lattice, counts, settings)
+        between = np.maximum(between, sums)
     return found - between - np.float32(np.log(len(counts)))
 
 
 def _on_lattice(
-    first: NDArray[np.float32],
-    others: NDArray[np.float32],
+    rows: Sequence[NDArray[np.float32]],
     places: Array,
     orders: Array,
     counts: tuple[int, ...],
     settings: SpeedSearchSettings,
 ) -> NDArray[np.float32]:
-    """Sum scores over the first orders, for the number of them that gives most."""
-    total = np.zeros((len(places), first.shape[1]), np.float32)
+    """Sum scores over the first orders, for the number of them that gives most.
+
+    The first of `rows` holds the scores of the first orders, the last one those of the others.
+    """
+    total = np.zeros((len(places), rows[0].shape[1]), np.float32)
     most = np.full_like(total, -np.inf)
     for count, order in enumerate(orders, 1):
-        scores = first if count <= settings.first_orders else others
+        scores = rows[0 if count <= settings.first_orders else -1]
         bins = np.rint(order * places).astype(np.intp)
         inside = int(np.searchsorted(bins, len(scores)))
         total[:inside] += scores[bins[:inside]]
