@@ -101,13 +101,8 @@ class UnknownRocDisplay(Display):
             label = f"{family}: AUROC {areas[str(family)]:.3f}{self._limits(family)}"
             ax.plot(x, y, label=label, linewidth=1.6, **style)
             marker = _drawing.style_of(_drawing.MARKERS, number)
-            ax.plot(
-                *100 * flagged[family],
-                marker,
-                color=style["color"],
-                markeredgecolor="black",
-                zorder=3,
-            )
+            look = {"color": style["color"], "markeredgecolor": "black", "zorder": 3}
+            ax.plot(*100 * flagged[family], marker, **look)
         text = "flagged at typicality ≤ 0.01"
         ax.plot([], [], "o", color="white", markeredgecolor="black", label=text)
         ax.set(xlim=(-2, 102), ylim=(-2, 102))
