@@ -142,7 +142,10 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         table = self._checked_features(X)
         codes = np.searchsorted(self.classes_, np.asarray(y))
         units = group_codes(groups, len(table))
-        self._set_levels(self._estimated(table, codes, units))
+        self._levels = levels = self._estimated(table, codes, units)
+        if levels.variances.any():  # otherwise exactly as without units
+            self._gaussians = levels.gaussians()
+            self.means_, self.covariances_ = self._gaussians.means, self._gaussians.covariances
         return self
 
     @property
@@ -214,12 +217,6 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
                 "groups. Call fit with groups=, the unit of each recording."
             )
         return self._levels
-
-    def _set_levels(self, levels: UnitLevels) -> None:
-        self._levels = levels
-        if levels.variances.any():  # otherwise exactly as without units
-            self._gaussians = levels.gaussians()
-            self.means_, self.covariances_ = self._gaussians.means, self._gaussians.covariances
 
     def _estimated(self, X: Array, codes: Indices, units: Indices) -> UnitLevels:
         """Estimate the covariances from recordings of classes and units numbered from 0."""
