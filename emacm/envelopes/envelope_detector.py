@@ -158,12 +158,12 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
 
     def _checked_bands(self, first: Sequence[str]) -> dict[str, Any]:
         """Return the band of each channel."""
+        chosen = first if self.channels is None else chosen_channels(self.channels, first)
         if isinstance(self.band, Mapping):
             bands = {name: check_bands(b, f"band of {name!r}") for name, b in self.band.items()}
         else:
-            bands = dict.fromkeys(first, check_bands(self.band))
+            bands = dict.fromkeys(chosen, check_bands(self.band))
         if self.channels is not None:
-            chosen = chosen_channels(self.channels, first)
             missing = [name for name in chosen if name not in bands]
             if missing:
                 raise ValueError(f"band names no band of channel {missing[0]!r}: {self.band!r}.")
