@@ -185,7 +185,7 @@ def _pairs(families: Mapping[Any, Any]) -> list[tuple[Any, Any]]:
     if not any(lists.values()):
         return [tuple(plain_labels(pair)) for pair in families.items()]
     for name, content in families.items():
-        if content != name and not (lists[name] and len(content)):
+        if not (len(content) if lists[name] else content == name):
             raise ValueError(
                 f"families must have a list of states for the family {name!r}, since others have; "
                 f"got {content!r}."

@@ -286,14 +286,15 @@ def test_the_picture_has_a_panel_for_each_unit_and_states_the_false_alarm_rate()
     units = np.repeat(["press", "axis"], 12)
     index = HealthIndex(0.1).fit(X, groups=np.tile(np.arange(12), 2), units=units)
     times = pd.date_range("2024-05-01", periods=24)
-    display = TrendDisplay.from_estimator(index, X, times, units)
+    display = TrendDisplay(index.trend(X, times, units)).plot()
     assert [ax.get_ylabel() for ax in display.ax_] == ["axis", "press"]
     labels = [text.get_text() for text in display.ax_[0].get_legend().get_texts()]
     assert "limit (10 % false alarms)" in labels
     limits = [line for line in display.ax_[1].lines if line.get_linestyle() == "--"]
     assert limits[0].get_ydata()[0] == index.limit("press")
     assert len(display.frame()) == 24
-    (single,) = np.ravel(TrendDisplay(display.table, units=["press"]).plot().ax_)
+    press = display.table[display.table["unit"] == "press"]
+    (single,) = np.ravel(TrendDisplay(press).plot().ax_)
     assert single.get_ylabel() == "health index"
 
 

@@ -401,7 +401,7 @@ def test_several_costs_that_differ_are_refused():
 
 BAD = {
     "y has 5 entries for 96 recordings": {"y": ["a"] * 5},
-    "y must contain the class of every recording, but recording 0 has None": {"y": [None] * 96},
+    "y must contain a label everywhere, but position 0 has None": {"y": [None] * 96},
     "y must contain classes of one type, text or numbers": {"y": ["a"] * 95 + [3]},
     "y must contain at least two classes, got ['a']": {"y": ["a"] * 96},
     "abel type": {"y": np.linspace(0.5, 9.7, 96)},  # measured values
