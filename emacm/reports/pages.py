@@ -26,24 +26,27 @@ from emacm.models.scoring import (
     training_statements,
 )
 from emacm.orders.bin_transformer import collected_statements
+from emacm.orders.columns import parse_order_columns
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
 from emacm.reports.facts import Facts, model_facts, recording_facts
-from emacm.reports.raised import LEAST, SIGMAS, Findings, Row, find_raised
+from emacm.reports.raised import LEAST, SIGMAS, Findings, Row, Spectra, find_raised
 from emacm.reports.verdicts import Verdict, verdict_on
 
 
-def order_spectra(model: Any, recording: Recording) -> pd.DataFrame | None:
-    """Return the spectrum that the first `OrderPSD` of a fitted model computes of a recording.
+def order_spectra(model: Any, recording: Recording) -> Spectra:
+    """Return the spectra that the first `OrderPSD` of a fitted model computes of a recording.
 
     Returns
     -------
-    DataFrame of shape (1, n_columns), or None
-        Columns ``channel@order`` [U²/order, or U²]; None if the model computes no order spectra.
+    dict of str to (orders, power)
+        For each channel [U²/order, or U²]; empty if the model computes no order spectra.
     """
     for part, X in parts_with_input(model, [recording], OrderPSD):
-        return pd.DataFrame(np.asarray(part.transform(X)), columns=part.get_feature_names_out())
-    return None
+        power = np.asarray(part.transform(X))[0]
+        blocks = parse_order_columns(list(part.get_feature_names_out())) or ()
+        return {block.channel: (block.orders, power[block.columns]) for block in blocks}
+    return {}
 
 
 _AS_A_LIST = re.compile(r"^recording 0( \([^)]*\))?: ")  # how messages name the only recording
@@ -109,7 +112,9 @@ class Page:
         What was found normal, and what must be noted.
     recording, model_facts : list of (str, str)
         Facts.
-    spectra, deviations : DataFrame, optional
+    spectra : mapping of channels to (orders, power)
+        Order spectra, to be drawn.
+    deviations : DataFrame, optional
         What is drawn.
     findings : Findings, optional
         What is raised.
@@ -134,7 +139,7 @@ class Page:
     notes: list[str] = field(default_factory=list)
     recording: Facts = field(default_factory=list)
     model_facts: Facts = field(default_factory=list)
-    spectra: pd.DataFrame | None = None
+    spectra: Spectra = field(default_factory=dict)
     deviations: pd.DataFrame | None = None
     findings: Findings | None = None
     units: Mapping[str, str] = field(default_factory=dict)

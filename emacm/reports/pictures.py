@@ -13,7 +13,6 @@ import pandas as pd
 from emacm.displays import _drawing
 from emacm.displays._tables import as_envelope
 from emacm.machine.fault_lines import fault_series
-from emacm.orders.columns import OrderBlock, parse_order_columns
 from emacm.reports.facts import channel_name
 from emacm.reports.pages import Page
 from emacm.reports.raised import HARMONICS, LEAST, SLIP, is_raised
@@ -39,20 +38,22 @@ class Picture:
     """
 
     def __init__(self, page: Page) -> None:
-        self._page, self._block, self._bars = page, _spectrum_block(page), _bars(page)
-        self.n_panels = (self._block is not None) + (self._bars is not None)
+        self._page, self._bars = page, _bars(page)
+        worst = _channel(page).rpartition("__")[2]
+        self._channel = worst if worst in page.spectra else next(iter(page.spectra), None)
+        self.n_panels = (self._channel is not None) + (self._bars is not None)
         parts = []
-        if self._block is not None:
+        if self._channel is not None:
             lines = "" if page.parts is None else " with predicted lines"
-            parts.append(f"order spectrum of {channel_name(self._block.channel)}{lines}")
+            parts.append(f"order spectrum of {channel_name(self._channel)}{lines}")
         if self._bars is not None:
             parts.append(f"deviations from {page.reference}")
         self.description = " and ".join(parts)
 
     def draw(self, axes: Sequence[Any]) -> None:
         """Draw on `n_panels` Axes."""
-        if self._block is not None:
-            _draw_spectrum(axes[0], self._page, self._block)
+        if self._channel is not None:
+            _draw_spectrum(axes[0], self._page, self._channel)
         if self._bars is not None:
             _draw_bars(axes[-1], self._page.reference, self._bars)
         for ax in axes:
@@ -76,15 +77,6 @@ def _channel(page: Page) -> str:
     return "" if page.findings is None else page.findings.channel
 
 
-def _spectrum_block(page: Page) -> OrderBlock | None:
-    """Return the columns of the spectrum that is drawn; None if there is none."""
-    names = [] if page.spectra is None else [str(name) for name in page.spectra.columns]
-    blocks = parse_order_columns(names) or ()
-    wanted = _channel(page).rpartition("__")[2]
-    chosen = [block for block in blocks if block.channel == wanted]
-    return next(iter([*chosen, *blocks]), None)
-
-
 def _bars(page: Page) -> pd.DataFrame | None:
     """Return the deviations that are drawn: those of a channel in dB, or the largest ones."""
     if page.deviations is None:
@@ -106,32 +98,31 @@ def _bars(page: Page) -> pd.DataFrame | None:
     return own.loc[largest]
 
 
-def _draw_spectrum(ax: Any, page: Page, block: OrderBlock) -> None:
-    assert page.spectra is not None
-    orders, power = block.orders, page.spectra.to_numpy()[0, block.columns]
+def _draw_spectrum(ax: Any, page: Page, channel: str) -> None:
+    orders, power = page.spectra[channel]
     drawn = orders > 0  # detrending changes the line at order 0
     style = {"color": _drawing.PLAIN, "linewidth": 0.9, "label": "this recording"}
     ax.plot(orders[drawn], _drawing.decibels(power[drawn]), **style)
-    _draw_reference(ax, page, block)
+    _draw_reference(ax, page, channel)
     ax.set_xlim(0, orders[-1])
     gap = _drawing.mark_orders(ax, _predicted(page, float(orders[-1])))
-    name = channel_name(block.channel)
-    channel = name.partition(" (")[0]
-    kind = page.envelopes.get(channel)
-    measured = channel if kind is None else channel.removesuffix("_envelope")
+    name = channel_name(channel)
+    plain = name.partition(" (")[0]
+    kind = page.envelopes.get(plain)
+    measured = plain if kind is None else plain.removesuffix("_envelope")
     quantity, unit = as_envelope("PSD", page.units.get(measured, "unit"), kind)
     ax.set_ylabel(f"{quantity}\nof {name}\n[dB re 1 {_drawing.squared(unit)}/order]")
     ax.set_xlabel(_drawing.ORDER_LABEL)
     _drawing.legend_above(ax, gap=gap)
 
 
-def _draw_reference(ax: Any, page: Page, block: OrderBlock) -> None:
+def _draw_reference(ax: Any, page: Page, channel: str) -> None:
     """Draw the mean level of the reference in each bin as a density."""
     table = page.deviations
     if table is None:
         return
     names = table["channel"].str.rpartition("__")[2]
-    own = table[(names == block.channel) & (table["high"] > table["low"])]
+    own = table[(names == channel) & (table["high"] > table["low"])]
     own = own[own["reference_level"].notna()].sort_values("low")
     width = 10 * np.log10(own["high"] - own["low"])
     style = {"color": _drawing.COLOURS[0], "linewidth": 1.4, "label": f"mean of {page.reference}"}

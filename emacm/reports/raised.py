@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -12,7 +12,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm.machine.fault_lines import FaultSeries, LineLevels, fault_series
-from emacm.orders.columns import parse_order_columns
 from emacm.reports.facts import channel_name, decibels, listed
 
 LEAST = 3.0  # dB above the mean of the healthy recordings
@@ -23,6 +22,9 @@ _HEIGHT = 6.0  # dB above the local background; noise alone has 1 to 3 dB, see F
 _BACKGROUND = 0.5  # orders
 _LEAKAGE = 6.0  # dB by which leakage of a line into the next bin is lower
 _MOST = 8  # rows of the table
+
+Spectrum = tuple[NDArray[np.float64], NDArray[np.float64]]  # orders and power
+Spectra = Mapping[str, Spectrum]
 
 
 class Row(NamedTuple):
@@ -59,19 +61,24 @@ class Findings(NamedTuple):
 
 
 class _Component(NamedTuple):
-    """The lines of a fault in one channel, with a column of the table for each."""
+    """The lines of a fault in one channel, as rows of the table of deviations."""
 
-    label: str
-    name: str
+    fault: FaultSeries
     channel: str
     orders: tuple[float, ...]
-    columns: list[int]
-    deviations: NDArray[np.float64]
+    lines: pd.DataFrame
     is_raised: bool
+
+    @property
+    def row(self) -> Row:
+        """The line of the table of a report."""
+        orders = ", ".join(f"{order:.4g}" for order in self.orders)
+        sizes = ", ".join(decibels(size).removesuffix(" dB") for size in self.lines["deviation"])
+        return Row(_label(self.fault), channel_name(self.channel), orders, f"{sizes} dB")
 
 
 def find_raised(
-    table: pd.DataFrame, reference: str, parts: Any = None, spectra: pd.DataFrame | None = None
+    table: pd.DataFrame, reference: str, parts: Any = None, spectra: Spectra | None = None
 ) -> Findings:
     """Find raised orders, and the components that predict them.
 
@@ -83,8 +90,8 @@ def find_raised(
         Name of its class.
     parts : part or sequence of parts, optional
         `Bearing` and so on, or mappings of fault names to orders.
-    spectra : DataFrame of shape (1, n_columns), optional
-        Order spectrum of the recording. A component is named only if its lines are above the local
+    spectra : mapping of channels to (orders, power), optional
+        Order spectra of the recording. A component is named only if its lines are above the local
         background there, which separates faults whose orders are in the same bin.
 
     Returns
@@ -94,23 +101,23 @@ def find_raised(
     table, common = _without_gain(table.reset_index(drop=True))
     table["raised"] = is_raised(table)
     series = () if parts is None else fault_series(parts, HARMONICS)
-    channels = table["channel"].unique()
-    found = [_component(fault, name, table, spectra) for fault in series for name in channels]
-    known = [component for component in found if component is not None]
+    places = [(fault, name) for fault in series for name in table["channel"].unique()]
+    known = list(filter(None, [_component(*place, table, spectra or {}) for place in places]))
     hit = [component for component in known if component.is_raised]
-    hit.sort(key=lambda component: -component.deviations.mean())
-    rows = [*common, *map(_component_row, hit), *_other_rows(table, hit, bool(series))]
-    names = list(dict.fromkeys(component.name for component in hit))
-    labels = {fault.name: _label(fault) for fault in series}
-    covered = {component.name for component in known}
-    quiet = [label for name, label in labels.items() if name in covered and name not in names]
+    hit.sort(key=lambda component: -component.lines["deviation"].mean())
+    rows = [*common, *(component.row for component in hit), *_other_rows(table, hit, bool(series))]
+    names = list(dict.fromkeys(component.fault.name for component in hit))
+    covered = {component.fault.name for component in known}
+    missing = [_label(fault) for fault in series if fault.name not in covered]
+    quiet = [_label(fault) for fault in series if fault.name in covered.difference(names)]
+    gained = [row.channel for row in common]
     normal = [f"no series of raised lines of {listed(quiet, 'or')}"] if quiet else []
-    normal += _normal_channels(table, reference, {row.channel for row in common})
+    normal += _normal_channels(table, reference, gained)
     notes = _not_separated(hit)
-    if common:
-        gained = listed([row.channel for row in common])
-        notes.append(f"Other deviations in {gained} are relative to that of all its orders.")
-    missing = [label for name, label in labels.items() if name not in covered]
+    if gained:
+        notes.append(
+            f"Other deviations in {listed(gained)} are relative to that of all its orders."
+        )
     if missing:
         notes.append(f"The model has no order bands at the orders of {listed(missing)}.")
     if len(rows) > _MOST:
@@ -150,28 +157,23 @@ def _label(fault: FaultSeries) -> str:
 
 
 def _component(
-    fault: FaultSeries, channel: str, table: pd.DataFrame, spectra: pd.DataFrame | None
+    fault: FaultSeries, channel: str, table: pd.DataFrame, spectra: Spectra
 ) -> _Component | None:
     """Return the lines of a fault among the columns of a channel; None if it has none there."""
     own = table[(table["channel"] == channel) & (table["unit"] == "dB")]
     names = [fault.name, *(f"{k}x{fault.name}" for k in range(2, HARMONICS + 1))]
-    named = own.index[own["column"].astype(str).str.split("@").str[-1].isin(names)]
     # Columns of FaultLines, and bands that have the name of the fault, need no orders.
-    at = [(0.0, k) for k in named] or [
-        (order, column)
-        for order in fault.orders
-        if (column := _column_at(order, fault.slips, own)) is not None
-    ]
-    if not at:
+    orders, lines = fault.orders, own[own["column"].astype(str).str.split("@").str[-1].isin(names)]
+    if lines.empty:
+        at = {order: _column_at(order, fault.slips, own) for order in fault.orders}
+        orders = tuple(order for order, column in at.items() if column is not None)
+        lines = own.loc[[at[order] for order in orders]]
+    if lines.empty:
         return None
-    orders, columns = fault.orders, [int(column) for _, column in at]
-    if not len(named):
-        orders = tuple(order for order, _ in at)
-    lines = table.loc[columns]
     above = lines["raised"] & (lines["deviation"] > 0)
-    hit = above.mean() >= 0.5 and _above_background(fault, orders, channel, spectra)
-    deviations = lines["deviation"].to_numpy()
-    return _Component(_label(fault), fault.name, channel, orders, columns, deviations, bool(hit))
+    spectrum = spectra.get(channel.rpartition("__")[2])  # without the name in a FeatureUnion
+    hit = above.mean() >= 0.5 and _above_background(fault, orders, spectrum)
+    return _Component(fault, channel, orders, lines, bool(hit))
 
 
 def _column_at(order: float, slips: bool, own: pd.DataFrame) -> Any:
@@ -184,44 +186,26 @@ def _column_at(order: float, slips: bool, own: pd.DataFrame) -> Any:
 
 
 def _above_background(
-    fault: FaultSeries, orders: Sequence[float], channel: str, spectra: pd.DataFrame | None
+    fault: FaultSeries, orders: Sequence[float], spectrum: Spectrum | None
 ) -> bool:
     """Return whether most lines are above the local background; True if that is not known.
 
     The median over the lines is compared, so that one line of another fault is not enough.
     """
-    name = channel.rpartition("__")[2]  # without the name of a member of a FeatureUnion
-    axis, power = spectrum_of(spectra, name)
+    if spectrum is None:
+        return True
+    axis, power = spectrum
+    fault = replace(fault, orders=tuple(order for order in orders if order < (1 - SLIP) * axis[-1]))
     try:
-        inside = tuple(order for order in orders if order < (1 - SLIP) * axis[-1])
-        lines = LineLevels(
-            axis, [replace(fault, orders=inside)], SLIP, _BACKGROUND, without_shaft=True
-        )
-    except (ValueError, IndexError):  # no spectrum, too coarse, or no line inside
+        lines = LineLevels(axis, [fault], SLIP, _BACKGROUND, without_shaft=True)
+    except (ValueError, IndexError):  # too coarse, or no line inside
         return True
     return bool(np.median(lines.measure(power[np.newaxis].astype(np.float64))[2][0]) >= _HEIGHT)
 
 
-def spectrum_of(
-    spectra: pd.DataFrame | None, channel: str
-) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Return orders and power of a channel in a spectrum of one recording; empty if not known."""
-    names = [] if spectra is None else [str(column) for column in spectra.columns]
-    for block in parse_order_columns(names) or ():
-        if spectra is not None and block.channel == channel:
-            return block.orders, spectra.to_numpy()[0, block.columns]
-    return np.empty(0), np.empty(0)
-
-
-def _component_row(component: _Component) -> Row:
-    orders = ", ".join(f"{order:.4g}" for order in component.orders)
-    sizes = ", ".join(decibels(value).removesuffix(" dB") for value in component.deviations)
-    return Row(component.label, channel_name(component.channel), orders, f"{sizes} dB")
-
-
 def _other_rows(table: pd.DataFrame, hit: Sequence[_Component], with_parts: bool) -> list[Row]:
     """Return a row for each range of adjacent raised columns that no component predicts."""
-    taken = table.loc[list({column for component in hit for column in component.columns})]
+    taken = table.loc[list({column for component in hit for column in component.lines.index})]
     chosen = table[table["raised"] & ~table.index.isin(taken.index)]
     leaks = [_is_leakage(column, taken) for _, column in chosen.iterrows()]
     chosen = chosen[~np.array(leaks, dtype=bool)]
@@ -261,7 +245,8 @@ def _not_separated(hit: Sequence[_Component]) -> list[str]:
     """Name components whose raised lines are in the same columns."""
     by_columns: dict[Any, dict[str, None]] = {}
     for component in hit:
-        by_columns.setdefault(frozenset(component.columns), {})[component.label] = None
+        labels = by_columns.setdefault(frozenset(component.lines.index), {})
+        labels[_label(component.fault)] = None
     return [
         f"The order bins of the model do not separate {listed(list(labels))}."
         for labels in by_columns.values()
@@ -269,7 +254,7 @@ def _not_separated(hit: Sequence[_Component]) -> list[str]:
     ]
 
 
-def _normal_channels(table: pd.DataFrame, reference: str, others: set[str]) -> list[str]:
+def _normal_channels(table: pd.DataFrame, reference: str, others: Sequence[str]) -> list[str]:
     """State how many columns of each channel, but of `others`, are as in the reference."""
     texts = []
     for channel, own in table[table["deviation"].notna()].groupby("channel", sort=False):
