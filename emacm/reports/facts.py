@@ -13,9 +13,8 @@ import pandas as pd
 import sklearn
 
 from emacm._version import __version__
-from emacm.decisions.pipelines import parts_of
+from emacm.decisions.pipelines import fitted_resamplers
 from emacm.recordings.recording import Recording
-from emacm.resampling.order_resampler import OrderResampler
 
 _CERTAIN = 0.99  # beyond it, no probability of a model is known more exactly
 _WORDS = ((0.99, "very high"), (0.95, "high"), (0.8, "moderate"), (0.0, "low"))
@@ -66,7 +65,18 @@ def listed(names: Sequence[Any], last: str = "and") -> str:
     'screw, ring and cage'
     """
     texts = [str(name) for name in names]
-    return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} {last} {texts[-1]}"
+    return f" {last} ".join(filter(None, [", ".join(texts[:-1]), *texts[-1:]]))
+
+
+def stated(*cases: tuple[Any, str]) -> list[str]:
+    """Return the texts of those cases that apply.
+
+    Examples
+    --------
+    >>> stated((True, "clipped"), ([], "interrupted"))
+    ['clipped']
+    """
+    return [text for applies, text in cases if applies]
 
 
 def span(low: float, high: float, unit: str) -> str:
@@ -132,7 +142,10 @@ def recording_facts(recording: Recording, name: str) -> Facts:
     """Return file, duration, revolutions, speed range, channels with rates and units, and meta."""
     speed = np.abs(recording.velocity)
     turned = float(np.abs(np.diff(recording.angle)).sum()) / (2 * np.pi)
-    channels = [_channel(recording, channel) for channel in recording.channels]
+    channels = [
+        f"{channel} [{recording.units.get(channel) or 'unit not stated'}], {rate:g} Hz"
+        for channel, rate in recording.fs.items()
+    ]
     meta = [f"{key} = {value}" for key, value in recording.meta.items()]
     return [
         ("File" if hasattr(recording, "path") else "Recording", name),
@@ -142,11 +155,6 @@ def recording_facts(recording: Recording, name: str) -> Facts:
         *([("Meta", _shortened(meta))] if meta else []),
         ("Digest", recording.digest[:_DIGITS]),
     ]
-
-
-def _channel(recording: Recording, name: str) -> str:
-    unit = recording.units.get(name)
-    return f"{name} [{unit or 'unit not stated'}], {recording.fs[name]:g} Hz"
 
 
 def model_facts(model: Any, about: Mapping[str, Any] | None, path: Path | None) -> Facts:
@@ -187,8 +195,7 @@ def model_facts(model: Any, about: Mapping[str, Any] | None, path: Path | None) 
 
 def _training(model: Any) -> Facts:
     """Return the ranges of the training recordings of all resamplers together."""
-    known = [p for p in parts_of(model) if isinstance(p, OrderResampler)]
-    ranges = [p.training_range_ for p in known if hasattr(p, "training_range_")]
+    ranges = [resampler.training_range_ for resampler in fitted_resamplers(model)]
     if not ranges:
         return []
     table = pd.DataFrame(ranges).dropna(axis="columns")  # one row per resampler, (low, high)

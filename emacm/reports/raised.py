@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm.machine.fault_lines import FaultSeries, LineLevels, fault_series
-from emacm.reports.facts import channel_name, decibels, listed
+from emacm.reports.facts import channel_name, decibels, listed, stated
 
 LEAST = 3.0  # dB above the mean of the healthy recordings
 SIGMAS = 4.0  # standard deviations of the healthy recordings: hundreds of bins are looked at
@@ -23,7 +23,7 @@ _BACKGROUND = 0.5  # orders
 _LEAKAGE = 6.0  # dB by which leakage of a line into the next bin is lower
 _MOST = 8  # rows of the table
 
-Spectrum = tuple[NDArray[np.float64], NDArray[np.float64]]  # orders and power
+Spectrum = tuple[NDArray[np.floating], NDArray[np.floating]]  # orders and power
 Spectra = Mapping[str, Spectrum]
 
 
@@ -111,17 +111,13 @@ def find_raised(
     missing = [_label(fault) for fault in series if fault.name not in covered]
     quiet = [_label(fault) for fault in series if fault.name in covered.difference(names)]
     gained = [row.channel for row in common]
-    normal = [f"no series of raised lines of {listed(quiet, 'or')}"] if quiet else []
+    normal = stated((quiet, f"no series of raised lines of {listed(quiet, 'or')}"))
     normal += _normal_channels(table, reference, gained)
-    notes = _not_separated(hit)
-    if gained:
-        notes.append(
-            f"Other deviations in {listed(gained)} are relative to that of all its orders."
-        )
-    if missing:
-        notes.append(f"The model has no order bands at the orders of {listed(missing)}.")
-    if len(rows) > _MOST:
-        notes.append(f"{len(rows) - _MOST} more deviations are not listed.")
+    notes = _not_separated(hit) + stated(
+        (gained, f"Other deviations in {listed(gained)} are relative to that of all its orders."),
+        (missing, f"The model has no order bands at the orders of {listed(missing)}."),
+        (len(rows) > _MOST, f"{len(rows) - _MOST} more deviations are not listed."),
+    )
     sigmas = table["sigmas"].abs()[table["channel"] != ""].dropna()
     worst = "" if sigmas.empty else str(table["channel"][sigmas.idxmax()])
     return Findings(rows[:_MOST], normal, notes, worst, names)
