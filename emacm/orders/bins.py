@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_number, check_signal
+from emacm._checks import check_number, check_real_array, check_signal
 from emacm.orders.columns import number_name, parse_bin_columns, parse_order_columns
 
 Band = tuple[float, float]
@@ -82,7 +82,9 @@ def check_edges(edges: ArrayLike | Mapping[str, Band]) -> dict[str, Band] | list
         for name, band in bands.items():
             _check_name(name, band)
         return bands
-    values = check_signal(edges, "edges")
+    values = check_real_array(edges, "edges")
+    if values.ndim != 1 or len(values) < 2 or not np.isfinite(values).all():
+        raise ValueError(f"edges must be a list of at least 2 finite orders, got {edges!r}.")
     rounded = [round_edge(value) for value in values]
     falling = np.flatnonzero(np.diff(rounded) <= 0)
     if len(falling) or rounded[0] < 0:

@@ -28,7 +28,7 @@ from emacm.recordings.arguments import (
     check_units,
     immutable,
 )
-from emacm.recordings.digests import content_digest, is_mapped
+from emacm.recordings.digests import content_digest
 from emacm.recordings.names import check_channel_names, chosen_channels
 from emacm.shaft.angle import angle_from_velocity
 from emacm.shaft.motion import (
@@ -300,11 +300,6 @@ class Recording:
         max_gap = longest_gap(max_rest, self.shaft_fs)
         find = partial(strokes_of, self._speed, min_speed, max_gap)
         return self.once(("strokes", min_speed, max_gap), find)
-
-    @property
-    def in_files(self) -> bool:
-        """Whether an array is a memory map, and not in memory."""
-        return any(map(is_mapped, self._arrays()))
 
     def once(self, name: Hashable, compute: Callable[[], Any]) -> Any:
         """Return a result of the content; computed when it is first needed."""

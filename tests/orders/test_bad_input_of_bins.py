@@ -59,7 +59,7 @@ CASES = [
         "edges of two dimensions",
         lambda: bins(edges=[[0, 1], [1, 2]]),
         V,
-        "edges|one-dimensional",
+        "edges|at least 2 finite orders",
     ),
     Case("text for edges", lambda: bins(edges=["a", "b"]), T, "edges|numeric"),
     Case("no bands", lambda: bins(edges={}), V, "edges|at least one band"),

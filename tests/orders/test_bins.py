@@ -289,7 +289,7 @@ def test_bins_of_a_recording_add_up_to_its_mean_square(window):
         ({"bin_size": "wide"}, TypeError, "bin_size must be a number.*got 'wide'"),
         ({"bin_size": 1e-8}, ValueError, r"bin_size = 1e-08 would make 5e\+09 bins"),
         ({"max_order": -1}, ValueError, "max_order must be a number of orders, above 0, got -1"),
-        ({"edges": [1]}, ValueError, "edges must hold at least 2"),
+        ({"edges": [1]}, ValueError, "edges must be a list of at least 2"),
         ({"edges": [0, 2, 1]}, ValueError, "1 is at position 2"),
         ({"edges": [-1, 1]}, ValueError, "edges must be at least 0"),
         ({"edges": {}}, ValueError, "edges must name at least one band"),
