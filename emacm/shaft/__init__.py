@@ -2,8 +2,7 @@
 
 - `angle_from_velocity`, `angle_from_wrapped`, `angle_from_position`, `angle_from_resolver`,
   `angle_from_currents`: the shaft angle from other signals.
-- `angle_from_vibration`: the shaft angle without any shaft sensor, and how far it is reliable;
-  `SpeedSearchSettings`: the constants of this method.
+- `angle_from_vibration`: the shaft angle without any shaft sensor, and how far it is reliable.
 - `pulse_times`, `angle_from_pulses`, `angle_from_tacho`: the shaft angle from a tachometer.
 """
 
@@ -14,12 +13,10 @@ from emacm.shaft.angle import (
     angle_from_velocity,
     angle_from_wrapped,
 )
-from emacm.shaft.speed_settings import SpeedSearchSettings
 from emacm.shaft.tacho import angle_from_pulses, angle_from_tacho, pulse_times
 from emacm.shaft.vibration import angle_from_vibration
 
 __all__ = [
-    "SpeedSearchSettings",
     "angle_from_currents",
     "angle_from_position",
     "angle_from_pulses",

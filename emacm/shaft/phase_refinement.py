@@ -17,7 +17,7 @@ from scipy import fft, ndimage
 from scipy.interpolate import PchipInterpolator
 
 from emacm.shaft.speed_evidence import Whitened
-from emacm.shaft.speed_settings import DEFAULT_SETTINGS, SpeedSearchSettings
+from emacm.shaft.speed_settings import SETTINGS
 
 Array = NDArray[np.floating]
 
@@ -51,9 +51,7 @@ class Course(NamedTuple):
     refusal: str
 
 
-def refined_speed(
-    course: Course, orders: Array, *, settings: SpeedSearchSettings = DEFAULT_SETTINGS
-) -> tuple[Array, NDArray[np.bool_]]:
+def refined_speed(course: Course, orders: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Refine a speed by the phases of the orders, demodulated with the angle found so far.
 
     Parameters
@@ -62,8 +60,6 @@ def refined_speed(
         Speeds in frames.
     orders : ndarray of shape (n_orders,)
         Orders that may have lines; the clear ones are used.
-    settings : SpeedSearchSettings
-        Constants of the method.
 
     Returns
     -------
@@ -82,16 +78,16 @@ def refined_speed(
     analytic: NDArray[np.complex128] = fft.ifft(spectrum)
     window = course.duration / (4 if course.duration >= 1 else 2)
     hop = max(1, int(window * white.fs / 2))
-    for _ in range(settings.rounds):
+    for _ in range(SETTINGS.rounds):
         turns = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2)]) / white.fs
-        centres, change, _ = _phase_speeds(analytic, turns, orders, hop, white.fs, settings)
+        centres, change, _ = _phase_speeds(analytic, turns, orders, hop, white.fs)
         trusted = np.interp(centres, course.times, course.trusted.astype(float)) > 0
         speed = speed + np.interp(times, centres, np.where(trusted, change, 0.0))
     turns = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2)]) / white.fs
-    *_, (agreed, shift) = _phase_speeds(analytic, turns, orders, hop, white.fs, settings)
+    *_, (agreed, shift) = _phase_speeds(analytic, turns, orders, hop, white.fs)
     lines = _demodulated(analytic * np.exp(-2j * np.pi * shift * times), turns, agreed)
     gap = float(np.diff(orders, prepend=0.0).min())
-    return speed, steady_seconds(lines, turns, gap, course.reliable, white.fs, settings=settings)
+    return speed, steady_seconds(lines, turns, gap, course.reliable, white.fs)
 
 
 def _along(times: Array, course: Course) -> Array:
@@ -105,12 +101,7 @@ def _along(times: Array, course: Course) -> Array:
 
 
 def _phase_speeds(
-    analytic: NDArray[np.complex128],
-    turns: Array,
-    orders: Array,
-    hop: int,
-    fs: float,
-    settings: SpeedSearchSettings,
+    analytic: NDArray[np.complex128], turns: Array, orders: Array, hop: int, fs: float
 ) -> tuple[Array, Array, tuple[Array, float]]:
     """Return times [s], corrections of the speed [Hz] from the phases of clear orders, and these.
 
@@ -125,7 +116,7 @@ def _phase_speeds(
         blocks = np.add.reduceat(wave, starts) / length
         return np.asarray((blocks[1:] + blocks[:-1]) / 2, np.complex128)
 
-    aside = np.exp(-2j * np.pi * settings.aside * turns)
+    aside = np.exp(-2j * np.pi * SETTINGS.aside * turns)
     waves = _demodulated(analytic, turns, orders)
     centre = (starts[1:] + 0.0) / fs
     middle, apart = (centre[1:] + centre[:-1]) / 2, np.diff(centre)
@@ -134,19 +125,19 @@ def _phase_speeds(
         line = joined(wave)
         between = np.mean(np.abs(joined(wave * aside)) ** 2) + 1e-300
         power = np.mean(np.abs(line) ** 2)
-        if power < settings.clear_phase * between:
+        if power < SETTINGS.clear_phase * between:
             continue
         step = line[1:] * np.conj(line[:-1])
         clear.append(order)
         steps.append(step / power)
         # Beyond ten times the noise, a line says no more than others: it may not be the order's.
-        weights.append(np.minimum(np.abs(step) / between, 10 * settings.clear_phase))
+        weights.append(np.minimum(np.abs(step) / between, 10 * SETTINGS.clear_phase))
     if not clear:
         return middle, np.zeros(len(middle)), (np.zeros(0), 0.0)
     lines, found = np.array(steps), np.array(clear)
     moved = np.angle(lines.sum(axis=1)) / (2 * np.pi * apart.mean())
     duration = len(turns) / fs
-    agreed, shift = _lines_of_shaft(found, moved, turns[-1] / duration, duration, settings)
+    agreed, shift = _lines_of_shaft(found, moved, turns[-1] / duration, duration)
     changes = (np.angle(lines) / (2 * np.pi * apart) - shift) / found[:, np.newaxis]
     weight = np.array(weights) * (agreed * found**2)[:, np.newaxis]
     change = (weight * changes).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-300)
@@ -172,7 +163,7 @@ def _demodulated(
 
 
 def _lines_of_shaft(
-    orders: Array, moved: Array, speed: float, duration: float, settings: SpeedSearchSettings
+    orders: Array, moved: Array, speed: float, duration: float
 ) -> tuple[NDArray[np.bool_], float]:
     """Return which lines belong to the shaft, and their common distance from its orders [Hz].
 
@@ -180,8 +171,8 @@ def _lines_of_shaft(
     frequency lie at the same distance from several orders; their spacing is the speed. As any two
     lines have a spacing, sidebands must be more by two lines than others.
     """
-    tolerance = settings.apart / duration + settings.agreed * orders * speed
-    first, second = np.nonzero(np.subtract.outer(orders, orders) <= -settings.leverage)
+    tolerance = SETTINGS.apart / duration + SETTINGS.agreed * orders * speed
+    first, second = np.nonzero(np.subtract.outer(orders, orders) <= -SETTINGS.leverage)
     spacing = (moved[second] - moved[first]) / (orders[second] - orders[first])
     changes = np.concatenate([moved / orders, spacing])
     shifts = np.concatenate([np.zeros(len(orders)), moved[first] - orders[first] * spacing])
@@ -189,7 +180,7 @@ def _lines_of_shaft(
     agreed = np.abs(left) <= tolerance
     votes = np.sum(agreed * (1 - (left / tolerance) ** 2), axis=1)  # a near line counts more
     votes[len(orders) :] -= 2
-    votes[np.abs(changes) > settings.furthest * speed] = 0
+    votes[np.abs(changes) > SETTINGS.furthest * speed] = 0
     best = int(np.argmax(votes))  # the lowest order of equals
     chosen = np.asarray(agreed[best])
     sidebands = best >= len(orders)
@@ -203,8 +194,6 @@ def steady_seconds(
     gap: float,
     reliable: NDArray[np.bool_],
     fs: float,
-    *,
-    settings: SpeedSearchSettings = DEFAULT_SETTINGS,
 ) -> NDArray[np.bool_]:
     """Tell in which seconds the lines of a shaft keep their level and phase.
 
@@ -223,8 +212,6 @@ def steady_seconds(
         Seconds that count.
     fs : float
         Sampling rate [Hz].
-    settings : SpeedSearchSettings
-        Constants of the method.
 
     Returns
     -------
@@ -243,7 +230,7 @@ def steady_seconds(
     if not (sums and reliable.any()):
         return steady
     speed = (turns[-1] - turns[0]) / (len(turns) / fs)
-    for shortest in settings.blocks:
+    for shortest in SETTINGS.blocks:
         length = np.ceil(shortest * speed * gap) / gap
         n_halves = int((turns[-1] - turns[0]) / (length / 2))
         starts = turns[0] + np.arange(n_halves - 1) * (length / 2)
@@ -252,15 +239,15 @@ def steady_seconds(
         last = np.maximum(np.searchsorted(turns, starts + length), first + 1)
         blocks = np.array([(total[last] - total[first]) / (last - first) for total in sums])
         levels = np.mean(np.abs(blocks) ** 2, axis=1)
-        weights = np.minimum(levels, settings.line_weight * np.median(levels))
+        weights = np.minimum(levels, SETTINGS.line_weight * np.median(levels))
         weights /= max(weights.sum(), 1e-300)
-        few = weights @ weights > 1 / settings.few_lines
-        if n_halves < 4 or (few and length / speed > settings.short_block):
+        few = weights @ weights > 1 / SETTINGS.few_lines
+        if n_halves < 4 or (few and length / speed > SETTINGS.short_block):
             continue
         changes, known = _largest_changes(blocks, weights, first / fs, last / fs, reliable)
-        least, factor, most = settings.steady_change
+        least, factor, most = SETTINGS.steady_change
         steady = changes < min(least + factor * known, most)
-        if known < settings.noise_change:
+        if known < SETTINGS.noise_change:
             break
     return steady
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, ndimage
 
-from emacm.shaft.speed_settings import DEFAULT_SETTINGS, SpeedSearchSettings
+from emacm.shaft.speed_settings import SETTINGS
 
 Array = NDArray[np.floating]
 
@@ -73,14 +73,7 @@ class Evidence(NamedTuple):
     fastest: float
 
 
-def whiten(
-    signal: Array,
-    fs: float,
-    highest: float,
-    smoothing: float,
-    *,
-    settings: SpeedSearchSettings = DEFAULT_SETTINGS,
-) -> Whitened:
+def whiten(signal: Array, fs: float, highest: float, smoothing: float) -> Whitened:
     """Flatten the background of a signal, remove lines of the mains, and reduce the rate.
 
     Parameters
@@ -93,8 +86,6 @@ def whiten(
         Highest frequency of interest [Hz], below fs / 2.
     smoothing : float
         What is broader than this on either side [Hz] is background, such as a resonance.
-    settings : SpeedSearchSettings
-        Constants of the method.
 
     Returns
     -------
@@ -106,16 +97,16 @@ def whiten(
     frequencies = np.arange(len(spectrum)) * (fs / n_fft)
     kept = int(np.searchsorted(frequencies, highest)) + 1
     # The background is the power between the lines, over frequency.
-    n_frame = min(n_times, int(settings.background_frame * fs)) // 2 * 2
+    n_frame = min(n_times, int(SETTINGS.background_frame * fs)) // 2 * 2
     n_bins = int(highest * n_frame / fs) + 2
     mean = _powers(signal, n_frame, np.zeros(1), fs)[0][:, 0, :n_bins].mean(axis=0)
     size = 2 * max(4, round(smoothing * n_frame / fs)) + 1
     background = ndimage.median_filter(mean, size, mode="nearest")
     level = np.interp(frequencies[:kept], np.arange(len(mean)) * (fs / n_frame), background)
     flat = spectrum[:kept] / np.sqrt(np.maximum(level, 1e-300))
-    mains = _mains_lines(flat, fs / n_fft, n_times / fs, settings)
+    mains = _mains_lines(flat, fs / n_fft, n_times / fs)
     for line in mains:
-        reach = settings.mains_tolerance * line + 2 * fs / n_times
+        reach = SETTINGS.mains_tolerance * line + 2 * fs / n_times
         flat[np.abs(frequencies[:kept] - line) < reach] = 0
     n_reduced = fft.next_fast_len(min(4 * kept, n_fft), real=True)
     padded = np.zeros(n_reduced // 2 + 1, complex)
@@ -134,7 +125,6 @@ def measure(
     *,
     n_rates: int,
     counts: tuple[int, ...] | None = None,
-    settings: SpeedSearchSettings = DEFAULT_SETTINGS,
 ) -> Evidence:
     """Compute the evidence in frames of one duration.
 
@@ -152,14 +142,12 @@ def measure(
         Number of rates of change that are tried, odd.
     counts : tuple of int
         Without `orders`: numbers of orders that may have lines; by default `many_orders`.
-    settings : SpeedSearchSettings
-        Constants of the method.
 
     Returns
     -------
     Evidence
     """
-    counts = counts or settings.many_orders
+    counts = counts or SETTINGS.many_orders
     n_frame = min(len(white.signal), int(duration * white.fs)) // 2 * 2
     duration = n_frame / white.fs
     top_order = counts[-1] if orders is None else float(orders.max())
@@ -169,31 +157,31 @@ def measure(
     powers, starts = _powers(white.signal, n_frame, rates, white.fs)
     spacing = white.fs / n_frame
     usable = np.ones(powers.shape[-1], bool)
-    usable[: int(np.ceil(settings.lobe)) + 1] = False
+    usable[: int(np.ceil(SETTINGS.lobe)) + 1] = False
     usable[int(top / spacing) + 1 :] = False
     for line in white.mains if duration >= 1 else ():
         bins = np.abs(np.arange(len(usable)) * spacing - line)
-        usable &= bins > settings.lobe * spacing + settings.mains_tolerance * line
+        usable &= bins > SETTINGS.lobe * spacing + SETTINGS.mains_tolerance * line
     if not usable.any():
         usable[1:] = True
     level = np.median(powers[:, n_rates // 2, usable], axis=-1)  # that between the lines
     powers /= np.maximum(level, 1e-300)[:, np.newaxis, np.newaxis]
     # The skirts of a strong line are no lines.
-    skirts = powers < settings.skirt * ndimage.maximum_filter1d(powers, 13, axis=-1)
+    skirts = powers < SETTINGS.skirt * ndimage.maximum_filter1d(powers, 13, axis=-1)
     powers[skirts] = np.minimum(powers[skirts], 1.0)
-    places, ranks = _rank_of(powers, usable, settings)
-    grid = np.arange(speeds[0], speeds[1] + 1e-9, settings.speed_step * spacing / top_order)
+    places, ranks = _rank_of(powers, usable)
+    grid = np.arange(speeds[0], speeds[1] + 1e-9, SETTINGS.speed_step * spacing / top_order)
     rows = []
-    for present, shape in settings.lines:
+    for present, shape in SETTINGS.lines:
         # Log likelihood ratios of "line of the shaft" to "any bin".
         table = np.log(1 - present + present * shape * ranks ** (shape - 1))
         score = table.astype(np.float32)[places]
         score[..., ~usable] = 0
         rows.append(np.ascontiguousarray(score.reshape(-1, score.shape[-1]).T))
     if orders is None:
-        found = _sum_over_first_orders(rows, grid / spacing, counts, settings)
+        found = _sum_over_first_orders(rows, grid / spacing, counts)
     else:
-        found = _on_lattice(rows[:1], grid / spacing, orders, (len(orders),), settings)
+        found = _on_lattice(rows[:1], grid / spacing, orders, (len(orders),))
     ratios = found.T.reshape(len(starts), n_rates, len(grid))
     chosen = ratios.argmax(axis=1)
     times = (starts + n_frame / 2) / white.fs
@@ -202,9 +190,7 @@ def measure(
     return Evidence(times, grid, likely, rates[chosen], duration, hop, float(rates[-1]))
 
 
-def _mains_lines(
-    flat: NDArray[np.complex128], spacing: float, length: float, settings: SpeedSearchSettings
-) -> Array:
+def _mains_lines(flat: NDArray[np.complex128], spacing: float, length: float) -> Array:
     """Return the multiples of the mains frequency at which there is a steady line.
 
     A machine has one supply: that whose first or second multiple is the strongest. Lines of a shaft
@@ -213,15 +199,15 @@ def _mains_lines(
     power = np.abs(flat) ** 2
     found: Array = np.empty(0)
     most = 0.0
-    for mains in settings.mains:
+    for mains in SETTINGS.mains:
         lines = mains * np.arange(1, int(len(flat) * spacing / mains) + 1)
         heights = np.zeros(len(lines))
         for number, line in enumerate(lines):
-            reach = settings.mains_tolerance * line + 1.5 / length
+            reach = SETTINGS.mains_tolerance * line + 1.5 / length
             low, high = (round((line + side * reach) / spacing) for side in (-1, 1))
             wide = slice(max(0, low - 5 * (high - low + 4)), high + 5 * (high - low + 4))
             height = power[low : high + 1].max(initial=0) / max(np.median(power[wide]), 1e-300)
-            heights[number] = height if height > settings.mains_line else 0.0
+            heights[number] = height if height > SETTINGS.mains_line else 0.0
         strongest = heights[:2].max(initial=0)
         if strongest > most:
             most, found = strongest, lines[heights > 0]
@@ -252,53 +238,44 @@ def _powers(signal: Array, n_frame: int, rates: Array, fs: float) -> tuple[Array
     return powers, starts
 
 
-def _rank_of(
-    powers: Array, usable: NDArray[np.bool_], settings: SpeedSearchSettings
-) -> tuple[NDArray[np.intp], Array]:
+def _rank_of(powers: Array, usable: NDArray[np.bool_]) -> tuple[NDArray[np.intp], Array]:
     """Return the place of each power in a table, and the ranks of the table, 1 for the smallest.
 
     A machine has lines that are none of its shaft, in any number, so what counts is how rare a
     power is among all bins. All clear lines count alike: none decides alone.
     """
     pool = powers[..., usable].ravel()
-    pool = pool[:: max(1, len(pool) // settings.n_ranked)]
-    top = np.clip(np.mean(pool > settings.clear_line), *settings.top_ranks)
-    ranks = np.geomspace(1, top, settings.n_knots)
+    pool = pool[:: max(1, len(pool) // SETTINGS.n_ranked)]
+    top = np.clip(np.mean(pool > SETTINGS.clear_line), *SETTINGS.top_ranks)
+    ranks = np.geomspace(1, top, SETTINGS.n_knots)
     knots = np.quantile(pool, 1 - ranks)
     # By table, over the logarithm of the power: much faster than interpolation.
-    logs = np.linspace(np.log(max(knots[0], 1e-9)), np.log(max(knots[-1], 2e-9)), settings.n_table)
-    per_log = np.float32((settings.n_table - 1) / (logs[-1] - logs[0]))
+    logs = np.linspace(np.log(max(knots[0], 1e-9)), np.log(max(knots[-1], 2e-9)), SETTINGS.n_table)
+    per_log = np.float32((SETTINGS.n_table - 1) / (logs[-1] - logs[0]))
     place = np.log(np.maximum(powers, 1e-30).astype(np.float32))
     place = (place - np.float32(logs[0])) * per_log
-    places = np.clip(place, 0, settings.n_table - 1).astype(np.intp)
+    places = np.clip(place, 0, SETTINGS.n_table - 1).astype(np.intp)
     levels = np.exp(logs)
     levels[-1] = max(knots[-1], 2e-9)  # not below it by rounding, as many knots may be equal
     return places, np.exp(np.interp(levels, knots, np.log(ranks)))
 
 
 def _sum_over_first_orders(
-    rows: Sequence[NDArray[np.float32]],
-    places: Array,
-    counts: tuple[int, ...],
-    settings: SpeedSearchSettings,
+    rows: Sequence[NDArray[np.float32]], places: Array, counts: tuple[int, ...]
 ) -> NDArray[np.float32]:
     """Sum scores of shape (n_bins, n_rows) at the orders of each speed, given in bins."""
-    found = _on_lattice(rows, places, np.arange(1.0, counts[-1] + 1), counts, settings)
+    found = _on_lattice(rows, places, np.arange(1.0, counts[-1] + 1), counts)
     # Lines between the orders mean that the speed is a multiple of the true one.
     between = np.zeros_like(found)
-    for fraction in settings.fractions:
+    for fraction in SETTINGS.fractions:
         lattice = np.arange(counts[-1]) + fraction
-        sums = _on_lattice(rows[1:], places, lattice, counts, settings)
+        sums = _on_lattice(rows[1:], places, lattice, counts)
         between = np.maximum(between, sums)
     return found - between - np.float32(np.log(len(counts)))
 
 
 def _on_lattice(
-    rows: Sequence[NDArray[np.float32]],
-    places: Array,
-    orders: Array,
-    counts: tuple[int, ...],
-    settings: SpeedSearchSettings,
+    rows: Sequence[NDArray[np.float32]], places: Array, orders: Array, counts: tuple[int, ...]
 ) -> NDArray[np.float32]:
     """Sum scores over the first orders, for the number of them that gives most.
 
@@ -307,7 +284,7 @@ def _on_lattice(
     total = np.zeros((len(places), rows[0].shape[1]), np.float32)
     most = np.full_like(total, -np.inf)
     for count, order in enumerate(orders, 1):
-        scores = rows[0 if count <= settings.first_orders else -1]
+        scores = rows[0 if count <= SETTINGS.first_orders else -1]
         bins = np.rint(order * places).astype(np.intp)
         inside = int(np.searchsorted(bins, len(scores)))
         total[:inside] += scores[bins[:inside]]

@@ -153,4 +153,4 @@ class SpeedSearchSettings:
     steady_change: tuple[float, float, float] = (0.2, 3.0, 0.6)
 
 
-DEFAULT_SETTINGS = SpeedSearchSettings()
+SETTINGS = SpeedSearchSettings()

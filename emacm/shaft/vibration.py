@@ -13,7 +13,7 @@ from scipy import fft, ndimage
 from emacm._checks import check_number, check_signal
 from emacm.shaft.phase_refinement import Course, refined_speed
 from emacm.shaft.speed_evidence import Evidence, Whitened, measure, whiten
-from emacm.shaft.speed_settings import DEFAULT_SETTINGS, SpeedSearchSettings
+from emacm.shaft.speed_settings import SETTINGS
 
 Array = NDArray[np.floating]
 
@@ -66,7 +66,6 @@ def angle_from_vibration(
     *,
     speeds: tuple[float, float],
     orders: Sequence[float] | None = None,
-    settings: SpeedSearchSettings = DEFAULT_SETTINGS,
 ) -> VibrationAngle:
     """Find the shaft angle in a vibration signal, without any shaft sensor.
 
@@ -82,8 +81,6 @@ def angle_from_vibration(
     orders : sequence of float, optional
         Orders at which the signal has lines, such as the tooth number of a gear. Default: some of
         1, 2, 3, ..., 24, the first ones before the others.
-    settings : SpeedSearchSettings
-        Constants of the method.
 
     Returns
     -------
@@ -164,11 +161,11 @@ def angle_from_vibration(
     if not np.ptp(samples) > 0:
         raise ValueError("signal is constant, so it has no lines. Is the sensor connected?")
     limits, known = _checked_speeds(speeds, fs), _checked_orders(orders)
-    lines = np.arange(1.0, settings.many_orders[-1] + 1) if known is None else known
-    best = _best_course(samples, fs, limits, known, lines, settings)
+    lines = np.arange(1.0, SETTINGS.many_orders[-1] + 1) if known is None else known
+    best = _best_course(samples, fs, limits, known, lines)
     reliable = best.reliable
     if reliable.any():
-        speed, steady = refined_speed(best, lines, settings=settings)
+        speed, steady = refined_speed(best, lines)
         reliable = reliable & steady
     if not reliable.any():
         raise ValueError(best.refusal)
@@ -180,36 +177,30 @@ def angle_from_vibration(
 
 
 def _best_course(
-    signal: Array,
-    fs: float,
-    limits: tuple[float, float],
-    orders: Array | None,
-    lines: Array,
-    settings: SpeedSearchSettings,
+    signal: Array, fs: float, limits: tuple[float, float], orders: Array | None, lines: Array
 ) -> Course:
     """Return the course from frames of the duration with the most reliable seconds.
 
     The speed is within limits [Hz]; `lines` are the orders, or those that are assumed.
     """
     longest = len(signal) / fs
-    shortest = settings.cycles / (limits[0] * float(np.diff(lines, prepend=0).min()))
+    shortest = SETTINGS.cycles / (limits[0] * float(np.diff(lines, prepend=0).min()))
     if longest < shortest:
         raise ValueError(
             f"signal lasts {longest:.3g} s, but {shortest:.3g} s are needed to separate the orders "
             f"at the lowest speed. Raise the lowest of speeds, or give a longer signal."
         )
     courses: list[Course] = []
-    for number, (frame, n_rates, margin) in enumerate(settings.frames):
+    for number, (frame, n_rates, margin) in enumerate(SETTINGS.frames):
         if number and not shortest < frame < longest:
             continue
         duration = max(min(frame, longest), shortest)
         highest = min(0.45 * fs, float(lines.max()) * limits[1])
-        white = whiten(signal, fs, highest, settings.broad / duration, settings=settings)
-        counts = settings.few_orders if number else settings.many_orders
-        options: Any = {"n_rates": n_rates, "counts": counts, "settings": settings}
-        evidence = measure(white, duration, limits, orders, **options)
-        courses.append(_course(white, evidence, limits, lines, longest, margin, settings))
-        if courses[-1].reliable.mean() >= settings.enough:
+        white = whiten(signal, fs, highest, SETTINGS.broad / duration)
+        counts = SETTINGS.few_orders if number else SETTINGS.many_orders
+        evidence = measure(white, duration, limits, orders, n_rates=n_rates, counts=counts)
+        courses.append(_course(white, evidence, limits, lines, longest, margin))
+        if courses[-1].reliable.mean() >= SETTINGS.enough:
             break
     return max(courses, key=lambda course: course.reliable.sum())
 
@@ -221,24 +212,21 @@ def _course(
     lines: Array,
     longest: float,
     margin: float,
-    settings: SpeedSearchSettings,
 ) -> Course:
     path = _most_likely_path(evidence, evidence.ratios)
     frames, speeds = np.arange(len(path)), evidence.speeds[path]
-    margins, sums, rivals = _margins(evidence, speeds, settings)
+    margins, sums, rivals = _margins(evidence, speeds)
     needed = np.log(len(evidence.speeds))
     trusted = (margins >= margin) & (sums >= needed)
-    trusted &= speeds > limits[0] * (1 + settings.same_speed)
-    trusted &= speeds < limits[1] * (1 - settings.same_speed)
-    trusted &= evidence.ratios[frames, path] >= settings.alone
+    trusted &= speeds > limits[0] * (1 + SETTINGS.same_speed)
+    trusted &= speeds < limits[1] * (1 - SETTINGS.same_speed)
+    trusted &= evidence.ratios[frames, path] >= SETTINGS.alone
     rates = evidence.rates[frames, path]
     n_frame = round(evidence.duration * white.fs)
     for number in np.flatnonzero(trusted):
         start = max(0, round(evidence.times[number] * white.fs) - n_frame // 2)
         motion = white.signal[start : start + n_frame], speeds[number], rates[number]
-        trusted[number] = orders_stand_out(
-            *motion, lines, white.fs, white.highest, settings=settings
-        )
+        trusted[number] = orders_stand_out(*motion, lines, white.fs, white.highest)
     # A second is reliable if all frames whose nearest times lie in it are trusted.
     edges = (evidence.times[1:] + evidence.times[:-1]) / 2
     seconds = np.arange(max(1, int(np.ceil(longest - 0.05))))
@@ -274,9 +262,7 @@ def _most_likely_path(evidence: Evidence, scores: Array) -> NDArray[np.intp]:
     return np.array(path[::-1])
 
 
-def _margins(
-    evidence: Evidence, speeds: Array, settings: SpeedSearchSettings
-) -> tuple[Array, Array, Array]:
+def _margins(evidence: Evidence, speeds: Array) -> tuple[Array, Array, Array]:
     """Return log likelihood ratios of the path to its best rival and to noise, and the rival.
 
     Rivals are the speeds in a constant ratio to the path, so that no multiple or fraction is
@@ -285,23 +271,23 @@ def _margins(
     grid = evidence.speeds
     step = grid[1] - grid[0]
     # A line is as wide as the resolution, whatever its order.
-    same = np.maximum(settings.same_speed, 2.0 / (evidence.duration * speeds))[:, np.newaxis]
+    same = np.maximum(SETTINGS.same_speed, 2.0 / (evidence.duration * speeds))[:, np.newaxis]
     elsewhere = evidence.ratios.copy()
     elsewhere[np.abs(grid / speeds[:, np.newaxis] - 1) <= same] = -np.inf
-    second = grid[_most_likely_path(evidence, np.maximum(elsewhere, -settings.excluded_score))]
+    second = grid[_most_likely_path(evidence, np.maximum(elsewhere, -SETTINGS.excluded_score))]
     n_ratios = 2 * int(np.log(grid[-1] / grid[0]) / (step / grid[-1])) + 1
     ratios = np.exp(np.linspace(-1, 1, n_ratios) * np.log(grid[-1] / grid[0]))
-    rigid = _joined(evidence.ratios, grid, ratios * speeds[:, np.newaxis], settings)
+    rigid = _joined(evidence.ratios, grid, ratios * speeds[:, np.newaxis])
     own = np.abs(ratios - 1) <= same
     mine = np.where(own, rigid, -np.inf).max(axis=1)
     rigid[own] = -np.inf
-    free = _joined(elsewhere, grid, second[:, np.newaxis], settings)[:, 0]
+    free = _joined(elsewhere, grid, second[:, np.newaxis])[:, 0]
     best, most = rigid.argmax(axis=1), rigid.max(axis=1)
     rival = np.where(free > most, second, ratios[best] * speeds)
     return mine - np.maximum(most, free), mine, rival
 
 
-def _joined(scores: Array, grid: Array, speeds: Array, settings: SpeedSearchSettings) -> Array:
+def _joined(scores: Array, grid: Array, speeds: Array) -> Array:
     """Return the scores at some speeds, summed over neighbouring frames.
 
     Neighbouring frames see the same lines and so count half. Speeds outside of the grid are
@@ -310,8 +296,8 @@ def _joined(scores: Array, grid: Array, speeds: Array, settings: SpeedSearchSett
     places = np.rint((speeds - grid[0]) / (grid[1] - grid[0])).astype(np.intp)
     inside = (places >= 0) & (places < len(grid))
     found = np.take_along_axis(scores, np.clip(places, 0, len(grid) - 1), axis=1)
-    found = np.where(inside, np.maximum(found, -settings.excluded_score), settings.absent_score)
-    width = min(settings.joined_frames, len(found))
+    found = np.where(inside, np.maximum(found, -SETTINGS.excluded_score), SETTINGS.absent_score)
+    width = min(SETTINGS.joined_frames, len(found))
     summed: Array = ndimage.uniform_filter1d(found, width, axis=0, mode="nearest")
     return summed * (max(width, 2) / 2)
 
@@ -336,14 +322,7 @@ def _checked_orders(orders: Sequence[float] | None) -> Array | None:
 
 
 def orders_stand_out(
-    frame: Array,
-    speed: float,
-    rate: float,
-    orders: Array,
-    fs: float,
-    highest: float,
-    *,
-    settings: SpeedSearchSettings = DEFAULT_SETTINGS,
+    frame: Array, speed: float, rate: float, orders: Array, fs: float, highest: float
 ) -> bool:
     """Tell whether few other positions between the orders have as many lines as the orders.
 
@@ -368,8 +347,6 @@ def orders_stand_out(
         Sampling rate [Hz].
     highest : float
         Highest frequency in the signal [Hz].
-    settings : SpeedSearchSettings
-        Constants of the method.
 
     Returns
     -------
@@ -393,7 +370,7 @@ def orders_stand_out(
     frame = np.interp(centred, centred + rate * centred**2 / 2, frame)
     n_bins = int(highest * n_times / fs) + 1
     power = np.abs(fft.rfft(frame * np.hanning(n_times))[:n_bins]) ** 2
-    raw = np.clip(np.log(np.maximum(power, 1e-300) / np.median(power)), 0, settings.strong)
+    raw = np.clip(np.log(np.maximum(power, 1e-300) / np.median(power)), 0, SETTINGS.strong)
     heights = ndimage.maximum_filter1d(raw, 3)
     revolutions = speed * n_times / fs
     gap = revolutions * float(np.diff(orders, prepend=0.0).min())
@@ -401,24 +378,22 @@ def orders_stand_out(
     places = np.rint(orders[:, np.newaxis] * revolutions).astype(np.intp)
     places = places + np.arange(-half, half + 1)
     inside = places[:, -1] < len(heights)
-    if half < settings.family_width or not inside.any():  # too little is between the orders
+    if half < SETTINGS.family_width or not inside.any():  # too little is between the orders
         return False
     mean = heights[places[inside]].mean(axis=0)
     own = mean[half - 1 : half + 2].max()
-    mean[half - settings.line_width : half + settings.line_width + 1] = 0
-    like = ndimage.maximum_filter1d(mean, 2 * settings.line_width + 1, mode="wrap") == mean
-    like &= mean >= max(settings.like_orders * own, 1e-9)
-    if int(like.sum()) > min(settings.families, 2 * half // settings.family_width):
+    mean[half - SETTINGS.line_width : half + SETTINGS.line_width + 1] = 0
+    like = ndimage.maximum_filter1d(mean, 2 * SETTINGS.line_width + 1, mode="wrap") == mean
+    like &= mean >= max(SETTINGS.like_orders * own, 1e-9)
+    if int(like.sum()) > min(SETTINGS.families, 2 * half // SETTINGS.family_width):
         return False
-    scatter = _scatter(frame, orders[inside] * speed, settings.windows / speed, fs)
-    if scatter < settings.unsteady:
+    scatter = _scatter(frame, orders[inside] * speed, SETTINGS.windows / speed, fs)
+    if scatter < SETTINGS.unsteady:
         return True
-    return _evenness(raw, places[inside, half], gap, settings) < settings.even
+    return _evenness(raw, places[inside, half], gap) < SETTINGS.even
 
 
-def _evenness(
-    heights: Array, places: NDArray[np.intp], gap: float, settings: SpeedSearchSettings
-) -> float:
+def _evenness(heights: Array, places: NDArray[np.intp], gap: float) -> float:
     """Return the contrast of evenly spaced lines between orders, relative to that of the orders.
 
     Lines of a repeated motion are at all m-th parts of the distance of two orders, and none is
@@ -428,7 +403,7 @@ def _evenness(
     profile = heights[across].mean(axis=0)
     own = profile[[-1, 0, 1]].max() - np.median(profile)
     most = 0.0
-    for m in range(settings.families + 1, int(gap / settings.close) + 1):
+    for m in range(SETTINGS.families + 1, int(gap / SETTINGS.close) + 1):
         lines = np.rint(np.arange(1, m) * gap / m).astype(np.intp)
         halfway = np.rint((np.arange(m - 1) + 0.5) * gap / m).astype(np.intp)
         # Some lines may be weak and some between may be high, but not many.
