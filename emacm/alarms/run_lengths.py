@@ -268,9 +268,8 @@ class _Process:
         for length in self._lengths:
             self.start_group()
             first = last = self.next_readings() - self._offset
-            sums = np.array(
-                [first, first**2, np.zeros(shape)]
-            )  # of x, x**2, x times the one before
+            # Of x, x**2, x times the one before.
+            sums = np.array([first, first**2, np.zeros(shape)])
             for _ in range(length - 1):
                 deviation = self.next_readings() - self._offset
                 sums += [deviation, deviation**2, deviation * last]
@@ -300,10 +299,8 @@ class _Process:
         assert self._residuals is not None
         if not self._left:
             last = len(self._residuals) - self._block
-            self._row, self._left = (
-                self._rng.integers(last + 1, size=self._settings.n_baselines),
-                self._block,
-            )
+            self._row = self._rng.integers(last + 1, size=self._settings.n_baselines)
+            self._left = self._block
         self._deviation = self.correlations * self._deviation + self._residuals[self._row]
         self._row, self._left = self._row + 1, self._left - 1
         return self._offset + self._deviation

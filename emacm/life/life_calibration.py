@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from emacm.calibration.left_out import groups_needed, left_out
-from emacm.life.life_models import WeibullLife, WeibullRegression, WienerProcess
+from emacm.life.life_models import WeibullRegression, WienerProcess
 from emacm.recordings.meta import plain_label, read_grouping
 
 Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+BEFORE_ONSET = "before onset"
+DAMAGE = "damage"
+MODELS = ("weibull", "wiener")
+SAME_AGE, EARLIER_AGE = "same age", "earlier age"
 
 
 @dataclass(frozen=True)
@@ -40,6 +46,21 @@ class History:
     ages: Array
     columns: Array
     onset: int
+
+    @property
+    def damaged(self) -> Bools:
+        """Whether there is damage, of each reading."""
+        return np.arange(len(self.ages)) >= self.onset
+
+    @property
+    def onset_age(self) -> float:
+        """Age at the onset of damage; infinite if there is none."""
+        return float(np.append(self.ages, np.inf)[self.onset])
+
+    @property
+    def times(self) -> Array:
+        """Age, or time since the onset, of each reading."""
+        return np.where(self.damaged, self.ages - self.onset_age, self.ages)
 
     @property
     def states(self) -> Array:
@@ -109,7 +130,7 @@ def lives_of(histories: list[History], remaining: Array, tolerance: float = 1e-6
     return np.array(lives)
 
 
-def censored_units(censored: Any, histories: list[History], n_rows: int) -> NDArray[np.bool_]:
+def censored_units(censored: Any, histories: list[History], n_rows: int) -> Bools:
     """Return whether each unit has not failed.
 
     Raises
@@ -139,15 +160,10 @@ def _onset(values: Array, level: float | None, consecutive: int) -> int:
     """Return the first reading with damage, known from it and the readings before it."""
     if not values.shape[1]:
         return len(values)
-    if level is None:
-        return 0
-    above = values[:, 0] > level
-    run = 0
-    for number, is_above in enumerate(above):
-        run = run + 1 if is_above else 0
-        if run >= min(consecutive, number + 1):
-            return number
-    return len(values)
+    above = values[:, 0] > (-np.inf if level is None else level)
+    padded = np.append(np.ones(consecutive - 1, dtype=bool), above)
+    runs = sliding_window_view(padded, consecutive).all(axis=1)
+    return int(np.argmax(np.append(runs, True)))
 
 
 def check_coverage(coverage: float, n_units: int, what: str = "that failed") -> None:
@@ -164,7 +180,7 @@ def check_coverage(coverage: float, n_units: int, what: str = "that failed") -> 
         )
 
 
-def half_width(levels: Array, censored: NDArray[np.bool_], coverage: float) -> float:
+def half_width(levels: Array, censored: Bools, coverage: float) -> float:
     """Return how far from the median, in probability, an interval must reach [1]_.
 
     Among n + 1 exchangeable units, the k-th smallest score of n covers the new one with probability
@@ -202,7 +218,7 @@ def half_width(levels: Array, censored: NDArray[np.bool_], coverage: float) -> f
     return float(np.interp(coverage, np.append(0.0, reached), np.append(0.0, scores[order])))
 
 
-def redistributed(levels: Array, censored: NDArray[np.bool_]) -> Array:
+def redistributed(levels: Array, censored: Bools) -> Array:
     """Return the weight of each unit; the new unit, which may be anywhere, has the rest to 1.
 
     The weight 1 / (n + 1) of a censored unit is given to the units with larger levels and to the
@@ -225,67 +241,37 @@ def redistributed(levels: Array, censored: NDArray[np.bool_]) -> Array:
     return weights
 
 
-@dataclass(frozen=True)
-class FitRange:
-    """Lives and columns of the units of a fit.
+def outside_fit(X: Array, fitted: Array, *, margin: float = 0.0) -> list[str]:
+    """State for each reading what of it is outside the range of the fit.
 
-    Attributes
+    Parameters
     ----------
-    longest : float
-        Longest life, or time under observation.
-    lowest, highest : ndarray of shape (n_columns,)
-        Range of the health index and of the further columns.
+    X : ndarray of shape (n_readings, n_columns)
+        Age, health index, further columns.
+    fitted : ndarray of shape (2, n_columns)
+        Lowest and highest of each column in the fit; of the age: 0 and the longest life.
+    margin : float
+        Distance beyond the range that is not stated, relative to its width.
+
+    Returns
+    -------
+    list of str
+        An empty string for a reading that is inside.
     """
-
-    longest: float
-    lowest: Array
-    highest: Array
-
-    @classmethod
-    def of(cls, histories: list[History], lives: Array) -> FitRange:
-        """Return the range of all readings."""
-        columns = np.concatenate([unit.columns for unit in histories])
-        return cls(float(lives.max()), columns.min(axis=0), columns.max(axis=0))
-
-    def statements(self, units: list[History], n_rows: int, *, margin: float = 0.0) -> list[str]:
-        """State for each reading what of it is outside the range; an empty string if nothing is.
-
-        The margin is relative to the longest life and to the width of the range of a column.
-        """
-        found = [""] * n_rows
-        for unit in units:
-            for row, age, columns in zip(unit.rows, unit.ages, unit.columns, strict=True):
-                found[row] = self._outside(age, columns, margin)
-        return found
-
-    def warn_outside(self, units: list[History], n_rows: int, *, margin: float = 0.1) -> None:
-        """Warn of readings far outside the range, naming the first."""
-        texts = self.statements(units, n_rows, margin=margin)
-        rows = [row for row, text in enumerate(texts) if text]
-        if rows:
-            warnings.warn(
-                f"{len(rows)} of {n_rows} readings are far outside the range of the fit, where "
-                f"predictions extrapolate; row {rows[0]}: {texts[rows[0]]}",
-                UserWarning,
-                stacklevel=4,
-            )
-
-    def _outside(self, age: float, columns: Array, margin: float) -> str:
-        found = []
-        if age > (1 + margin) * self.longest:
-            found.append(f"The age {age:g} is above the longest life of the fit, {self.longest:g}.")
-        limits = zip(columns, self.lowest, self.highest, strict=True)
-        for number, (value, low, high) in enumerate(limits, 1):
-            beyond = margin * (high - low)
-            if not low - beyond <= value <= high + beyond:
-                name = "health index" if number == 1 else f"column {number}"
-                found.append(
-                    f"The {name} {value:g} is outside that of the fit, {low:g} to {high:g}."
-                )
-        return " ".join(found) + (" Check the units of measurement." if found else "")
+    names = ["age", "health index", *(f"column {k}" for k in range(2, X.shape[1]))]
+    low, high = fitted
+    near = np.clip(X, low - margin * (high - low), high + margin * (high - low))
+    statements = []
+    for values, outside in zip(X, near != X, strict=True):
+        found = [
+            f"The {names[k]} {values[k]:g} is outside that of the fit, {low[k]:g} to {high[k]:g}."
+            for k in np.flatnonzero(outside)
+        ]
+        statements.append(" ".join([*found, "Check the units of measurement."] if found else []))
+    return statements
 
 
-def statement(row: dict[str, Any], coverage: float, *, indexed: bool, outside: str) -> str:
+def statement(row: dict[str, Any], coverage: float, *, indexed: bool) -> str:
     """Say what an interval is based on.
 
     Parameters
@@ -296,8 +282,6 @@ def statement(row: dict[str, Any], coverage: float, *, indexed: bool, outside: s
         Its coverage.
     indexed : bool
         Whether there is a health index.
-    outside : str
-        What of the reading is outside the range of the fit.
     """
     known = "No damage yet" if indexed else "No health index"
     basis, when = f"{known}: this is the life of the population at this age.", "of this age"
@@ -310,15 +294,7 @@ def statement(row: dict[str, Any], coverage: float, *, indexed: bool, outside: s
     elif row["calibration"] != SAME_AGE:
         units = f"{row['n_units']} units earlier"
         interval = f"{coverage:.0%} interval as of {units}: too few {when}."
-    return f"{basis} {interval} {outside}".rstrip()
-
-
-Bools = NDArray[np.bool_]
-
-BEFORE_ONSET = "before onset"
-DAMAGE = "damage"
-MODELS = ("weibull", "wiener")
-SAME_AGE, EARLIER_AGE = "same age", "earlier age"
+    return f"{basis} {interval}"
 
 
 @dataclass(frozen=True)
@@ -327,13 +303,13 @@ class LifeModels:
 
     Attributes
     ----------
-    population : WeibullLife
+    population : WeibullRegression
         Used before the onset.
     damage : WeibullRegression, WienerProcess or None
         Used from the onset on; None if no unit of the fit had damage.
     """
 
-    population: WeibullLife
+    population: WeibullRegression
     damage: WeibullRegression | WienerProcess | None
 
     @classmethod
@@ -346,23 +322,19 @@ class LifeModels:
         threshold: float | None,
     ) -> LifeModels:
         """Estimate both from whole units, which count equally."""
-        population = WeibullLife.fit(lives, failed)
+        n_units = len(histories)
+        population = WeibullRegression.fit(np.zeros((n_units, 0)), lives, failed, np.ones(n_units))
         chosen = [k for k, unit in enumerate(histories) if unit.onset < len(unit.ages)]
         if not chosen:
             return cls(population, None)
+        damaged = [histories[k] for k in chosen]
         if model == "wiener":
-            paths = [
-                (histories[k].ages[histories[k].onset :], histories[k].states[:, 0]) for k in chosen
-            ]
+            paths = [(unit.ages[unit.onset :], unit.states[:, 0]) for unit in damaged]
             return cls(population, WienerProcess.fit(paths, failed[chosen], threshold))
-        units = np.concatenate([np.full(len(histories[k].rows), k) for k in chosen])
-        ages = np.concatenate([histories[k].ages for k in chosen])
-        table = np.concatenate([histories[k].columns for k in chosen])
-        onsets = np.array(
-            [unit.ages[unit.onset] if unit.onset < len(unit.ages) else np.inf for unit in histories]
-        )
-        remaining = lives[units] - ages
-        kept = (ages >= onsets[units]) & (remaining > 0)
+        units = np.repeat(chosen, [len(unit.ages) - unit.onset for unit in damaged])
+        table = np.concatenate([unit.columns[unit.onset :] for unit in damaged])
+        remaining = lives[units] - np.concatenate([unit.ages[unit.onset :] for unit in damaged])
+        kept = remaining > 0
         units = units[kept]
         weights = 1 / np.bincount(units)[units]
         regression = WeibullRegression.fit(table[kept], remaining[kept], failed[units], weights)
@@ -372,7 +344,8 @@ class LifeModels:
         """Return the probability of remaining lives, (n_readings, n_levels), of each reading."""
         first = unit.onset
         found = np.empty(remaining.shape)
-        found[:first] = self.population.cdf(remaining[:first], unit.ages[:first, np.newaxis])
+        no_columns, ages = unit.columns[:first, np.newaxis, :0], unit.ages[:first, np.newaxis]
+        found[:first] = self.population.cdf(remaining[:first], no_columns, ages)
         if first < len(unit.ages):
             if self.damage is None:
                 raise ValueError("no unit with damage was in the fit; set another onset.")
@@ -383,7 +356,7 @@ class LifeModels:
 
     def quantiles(self, unit: History, levels: Array, n_halvings: int = 60) -> Array:
         """Return the remaining lives with these probabilities, (n_readings, n_levels)."""
-        low = np.full(levels.shape, np.log(self.population.scale) - 25.0)
+        low = np.full(levels.shape, self.population.intercept - 25.0)
         high = low + 50.0
         for _ in range(n_halvings):
             middle = (low + high) / 2
@@ -404,14 +377,14 @@ class Levels(NamedTuple):
         Probabilities.
     end : float
         Time at which this stage ends: onset, failure or end of the observation.
-    failed : bool
-        Whether the unit failed.
+    censored : bool
+        Whether the unit has not failed.
     """
 
     times: Array
     levels: Array
     end: float
-    failed: bool
+    censored: bool
 
 
 class LifeCalibration:
@@ -441,7 +414,7 @@ class LifeCalibration:
         for others, rows in left_out(np.zeros_like(numbers), numbers):
             models = fit(others)
             for k in rows:
-                self._add(models, histories[k], lives[k], bool(failed[k]))
+                self._add(models, histories[k], float(lives[k]), not failed[k])
 
     def width(self, stage: str, time: float, coverage: float) -> tuple[float, int, str]:
         """Return half the width of an interval in probability, units used, and calibration."""
@@ -458,19 +431,17 @@ class LifeCalibration:
     def _width_at(self, stage: str, time: float, coverage: float) -> tuple[float, int]:
         alive = [unit for unit in self.units[stage] if time < unit.end]
         levels = np.array([np.interp(time, unit.times, unit.levels) for unit in alive])
-        censored = np.array([not unit.failed for unit in alive], dtype=bool)
+        censored = np.array([unit.censored for unit in alive], dtype=bool)
         return half_width(levels, censored, coverage), len(alive)
 
-    def _add(self, models: LifeModels, unit: History, life: float, failed: bool) -> None:
+    def _add(self, models: LifeModels, unit: History, life: float, censored: bool) -> None:
         left = np.maximum(life - unit.ages, 0)
         levels = models.cdf(unit, left[:, np.newaxis])[:, 0]
-        first = unit.onset
-        if first > 0:
-            end = unit.ages[first] if first < len(unit.ages) else life
-            stage = Levels(unit.ages[:first], levels[:first], float(end), failed)
-            self.units[BEFORE_ONSET].append(stage)
-        running = (np.arange(len(left)) >= first) & (left > 0)
-        if running.any():
-            times = unit.ages[running] - unit.ages[first]
-            end = float(life - unit.ages[first])
-            self.units[DAMAGE].append(Levels(times, levels[running], end, failed))
+        onset = unit.onset_age
+        for stage, rows, end in (
+            (BEFORE_ONSET, ~unit.damaged, min(onset, life)),
+            (DAMAGE, unit.damaged & (left > 0), life - onset),
+        ):
+            if rows.any():
+                found = Levels(unit.times[rows], levels[rows], end, censored)
+                self.units[stage].append(found)

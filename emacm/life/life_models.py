@@ -24,36 +24,11 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class WeibullLife:
-    """Weibull distribution of the lives of a population.
-
-    Attributes
-    ----------
-    shape, scale : float
-        Parameters.
-    """
-
-    shape: float
-    scale: float
-
-    @classmethod
-    def fit(cls, lives: Array, failed: NDArray[np.bool_]) -> WeibullLife:
-        """Estimate by maximum likelihood; lives of units that have not failed are censored."""
-        table = np.zeros((len(lives), 0))
-        found = WeibullRegression.fit(table, lives, failed, np.ones(len(lives)))
-        return cls(1 / found.spread, float(np.exp(found.intercept)))
-
-    def cdf(self, remaining: Array, ages: Array) -> Array:
-        """Return the probability to fail within a remaining life, at ages reached alive."""
-        passed = (ages / self.scale) ** self.shape
-        return -np.expm1(passed - ((ages + remaining) / self.scale) ** self.shape)
-
-
-@dataclass(frozen=True)
 class WeibullRegression:
     """Weibull accelerated failure time: log life = intercept + table @ slopes + spread * error.
 
-    The error has the smallest extreme value distribution [2]_.
+    The error has the smallest extreme value distribution [2]_. Lives of the same table have a
+    Weibull distribution of shape ``1 / spread`` and scale ``exp(intercept + table @ slopes)``.
 
     Attributes
     ----------
@@ -78,12 +53,12 @@ class WeibullRegression:
         ridge: float = 1e-2,
         widest_shape: float = 50.0,
     ) -> WeibullRegression:
-        """Estimate by maximum likelihood with a small ridge.
+        """Estimate by maximum likelihood with a small ridge; other lives are censored.
 
         Parameters
         ----------
         table : ndarray of shape (n_readings, n_columns)
-            What the life depends on.
+            What the life depends on; without columns, lives have one Weibull distribution.
         lives : ndarray of shape (n_readings,)
             Positive lives, or times under observation.
         failed : ndarray of bool, shape (n_readings,)
@@ -123,11 +98,13 @@ class WeibullRegression:
         slopes = found[1:-1] / scale
         return cls(float(middle + found[0] - slopes @ mean), slopes, float(np.exp(found[-1])))
 
-    def cdf(self, remaining: Array, table: Array) -> Array:
-        """Return the probability to fail within a remaining life."""
+    def cdf(self, remaining: Array, table: Array, ages: Array | float = 0.0) -> Array:
+        """Return the probability to fail within a remaining life, at ages reached alive."""
         with np.errstate(divide="ignore"):
-            z = (np.log(remaining) - self.intercept - table @ self.slopes) / self.spread
-        return -np.expm1(-np.exp(np.minimum(z, 500.0)))
+            logs = np.log(ages), np.log(ages + remaining)
+        location = self.intercept + table @ self.slopes
+        passed, hazard = (np.exp(np.minimum((x - location) / self.spread, 500.0)) for x in logs)
+        return -np.expm1(passed - hazard)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any, Self
 
 import numpy as np
@@ -23,13 +24,13 @@ from emacm.life.life_calibration import (
     BEFORE_ONSET,
     DAMAGE,
     MODELS,
-    FitRange,
     History,
     LifeCalibration,
     LifeModels,
     censored_units,
     check_coverage,
     lives_of,
+    outside_fit,
     read_histories,
     statement,
 )
@@ -187,7 +188,8 @@ class RemainingLife(RegressorMixin, SavedEstimator):
             return LifeModels.fit(chosen, lives[units], failed[units], self.model, self.threshold)
 
         self.models_ = fitted(np.arange(len(histories)))
-        self._range = FitRange.of(histories, lives)
+        self._fitted_range = np.array([X.min(axis=0), X.max(axis=0)])
+        self._fitted_range[:, 0] = 0, lives.max()
         self._calibration = LifeCalibration(histories, lives, failed, fitted)
         return self
 
@@ -230,12 +232,12 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         TypeError, ValueError
             If X or a level is invalid.
         """
-        units, n_rows = self._followed(X, groups)
+        X, units = self._followed(X, groups)
         wanted = check_real_array(levels, "levels").astype(np.float64)
         if wanted.ndim != 1 or not ((wanted >= 0) & (wanted <= 1)).all():
             raise ValueError(f"levels must be a list of numbers from 0 to 1, got {levels!r}.")
-        self._range.warn_outside(units, n_rows)
-        return self._quantiles(units, np.broadcast_to(wanted, (n_rows, len(wanted))))
+        self._warn_outside(X)
+        return self._quantiles(units, np.broadcast_to(wanted, (len(X), len(wanted))))
 
     def predict_interval(
         self, X: Any, groups: ArrayLike | None = None, *, coverage: float | None = None
@@ -268,26 +270,24 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         coverage = self.coverage if coverage is None else coverage
         check_number(coverage, "coverage", above=0, below=1)
         check_coverage(coverage, self.n_failed_)
-        units, n_rows = self._followed(X, groups)
-        records: list[dict[str, Any]] = [{}] * n_rows
-        levels, outside = np.full((n_rows, 3), 0.5), self._range.statements(units, n_rows)
+        index = X.index if isinstance(X, pd.DataFrame) else None
+        X, units = self._followed(X, groups)
+        table = pd.DataFrame({"age": X[:, 0], "stage": BEFORE_ONSET}, index)
+        calibrated: list[tuple[float, int, str]] = [(0.0, 0, "")] * len(X)
         for unit in units:
-            for number, row in enumerate(unit.rows):
-                damaged, age = number >= unit.onset, unit.ages[number]
+            table.iloc[unit.rows[unit.onset :], 1] = DAMAGE
+            for row, damaged, time in zip(unit.rows, unit.damaged, unit.times, strict=True):
                 stage = DAMAGE if damaged else BEFORE_ONSET
-                time = age - (unit.ages[unit.onset] if damaged else 0)
-                width, n_units, calibration = self._calibration.width(stage, time, coverage)
-                levels[row, 1:] = 0.5 - width, 0.5 + width
-                records[row] = {"age": age, "stage": stage, "n_units": n_units}
-                records[row]["calibration"] = calibration
-        lives = self._quantiles(units, np.clip(levels, 0, 1))
-        table = pd.DataFrame(records, index=X.index if isinstance(X, pd.DataFrame) else None)
-        for column, name in enumerate(("median", "lower", "upper")):
-            table.insert(2 + column, name, lives[:, column])
+                calibrated[row] = self._calibration.width(stage, time, coverage)
+        widths, n_units, calibration = zip(*calibrated, strict=True)
+        levels = 0.5 + np.multiply.outer(widths, [0, -1, 1])
+        table[["median", "lower", "upper"]] = self._quantiles(units, np.clip(levels, 0, 1))
+        table["n_units"], table["calibration"] = n_units, calibration
         indexed = self.n_features_in_ > 1
+        rows, outside = table.to_dict("records"), outside_fit(X, self._fitted_range)
         table["statement"] = [
-            statement(row, coverage, indexed=indexed, outside=text)
-            for row, text in zip(table.to_dict("records"), outside, strict=True)
+            f"{statement(row, coverage, indexed=indexed)} {text}".rstrip()
+            for row, text in zip(rows, outside, strict=True)
         ]
         return table
 
@@ -330,22 +330,18 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         check_choice(self.model, "model", MODELS)
         check_number(self.coverage, "coverage", above=0, below=1)
         check_count(self.consecutive, "consecutive")
-        for name in ("onset", "threshold"):
-            if getattr(self, name) is not None:
-                check_number(getattr(self, name), name)
-        onset, limit = self.onset, self.threshold
-        if self.model == "wiener" and onset is not None and limit is not None and limit <= onset:
-            raise ValueError(
-                f"threshold, at which units fail, must be above onset={onset!r}, at which damage "
-                f"begins, got {limit!r}."
-            )
+        if self.onset is not None:
+            check_number(self.onset, "onset")
+        if self.threshold is not None:
+            onset = self.onset if self.model == "wiener" else None
+            check_number(self.threshold, "threshold", above=onset)
 
-    def _followed(self, X: Any, groups: Any) -> tuple[list[History], int]:
+    def _followed(self, X: Any, groups: Any) -> tuple[Array, list[History]]:
         check_is_fitted(self)
         check_table(X)
         X = validate_data(self, X, dtype=np.float64, ensure_all_finite=False, reset=False)
         self._check_values(X)
-        return read_histories(X, groups, self.onset, self.consecutive), len(X)
+        return X, read_histories(X, groups, self.onset, self.consecutive)
 
     def _check_values(self, X: Array) -> None:
         check_finite_readings(X, self)
@@ -354,6 +350,18 @@ class RemainingLife(RegressorMixin, SavedEstimator):
             raise ValueError(
                 f"Negative values in data passed to X: the first column is the age, got "
                 f"{X[row, 0]:g} in row {row}."
+            )
+
+    def _warn_outside(self, X: Array, *, margin: float = 0.1) -> None:
+        """Warn of readings far outside the range of the fit, naming the first."""
+        texts = outside_fit(X, self._fitted_range, margin=margin)
+        rows = [row for row, text in enumerate(texts) if text]
+        if rows:
+            warnings.warn(
+                f"{len(rows)} of {len(X)} readings are far outside the range of the fit, where "
+                f"predictions extrapolate; row {rows[0]}: {texts[rows[0]]}",
+                UserWarning,
+                stacklevel=4,
             )
 
     def _quantiles(self, units: list[History], levels: Array) -> Array:
