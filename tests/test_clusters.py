@@ -15,8 +15,8 @@ from emacm import (
     OrderResampler,
     RecordingFolder,
 )
-from emacm._progress import run
 from emacm.files.folder import FileRecording
+from emacm.recordings.inputs import run
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("default")]  # of the schedulers
 

@@ -18,7 +18,6 @@ ORDER = [
     "_checks",
     "_saved",
     "_kernels",
-    "_progress",
     "_statements",
     "shaft",
     "recordings",

@@ -19,13 +19,12 @@ from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, located
-from emacm._progress import run
 from emacm._saved import SavedEstimator
 from emacm.conditions.present_costs import narrowed, present_cost_table, with_present_costs
 from emacm.decisions.metrics import fraction_correct
 from emacm.decisions.pipelines import before_the_last_step, final_estimator, parameters_of_rows
 from emacm.decisions.truths import check_classes, label_array, truth_labels
-from emacm.recordings.inputs import entry_name
+from emacm.recordings.inputs import entry_name, run
 from emacm.recordings.meta import chosen_rows, condition_name, read_meta, sorted_conditions
 
 Rows = NDArray[np.intp]

@@ -20,10 +20,10 @@ from sklearn.model_selection import (
 )
 
 from emacm._checks import located
-from emacm._progress import run
 from emacm.conditions.present_costs import narrowed
 from emacm.decisions.pipelines import before_the_last_step, groups_are_units, groups_options
 from emacm.orders.bin_transformer import collected_statements
+from emacm.recordings.inputs import run
 from emacm.recordings.meta import Grouping, chosen_rows, plain_label, read_grouping
 
 Indices = NDArray[np.intp]

@@ -17,7 +17,6 @@ import pandas as pd
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._progress import run
 from emacm._statements import Statement
 from emacm.conditions.present_costs import with_present_costs
 from emacm.conditions.router import ConditionRouter
@@ -31,7 +30,7 @@ from emacm.decisions.risks import LeastRiskMixin, decide, risks_of
 from emacm.explanations.explain import explain_decision
 from emacm.files.folder import FileRecording
 from emacm.orders.bin_transformer import BinTransformer, collected_statements
-from emacm.recordings.inputs import as_list, received
+from emacm.recordings.inputs import as_list, received, run
 from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler
 from emacm.resampling.quality import Quality, recording_quality

@@ -13,12 +13,11 @@ from scipy import sparse
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice
-from emacm._progress import run
 from emacm.orders.bins import Band, bin_operator, named_bins
 from emacm.orders.columns import OrderTable, order_columns
 from emacm.orders.segment_plan import SegmentPlan, WeightedLines, padded_lines, too_short
 from emacm.orders.welch import WelchEstimator, samples_per_revolution
-from emacm.recordings.inputs import names_of
+from emacm.recordings.inputs import names_of, run
 from emacm.resampling.angle_recording import (
     AngleRecording,
     AngleStroke,

@@ -17,12 +17,11 @@ from emacm._checks import (
     check_signal,
     check_table,
 )
-from emacm._progress import run
 from emacm.orders.columns import BARE_CHANNEL, OrderTable, order_columns
 from emacm.orders.segment_plan import SegmentPlan
 from emacm.orders.store import recalled
 from emacm.orders.welch import WelchEstimator, samples_per_revolution
-from emacm.recordings.inputs import as_list, described, refuse_single
+from emacm.recordings.inputs import as_list, described, refuse_single, run
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import (
     AngleRecording,

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.utils.validation import check_memory
 
-from emacm._progress import run
 from emacm._version import __version__
 from emacm.orders.segment_plan import SegmentPlan
 from emacm.recordings.digests import content_digest
+from emacm.recordings.inputs import run
 from emacm.resampling.angle_recording import AngleRecording
 
 Spectrum = NDArray[np.floating]
@@ -104,7 +104,7 @@ def recalled(
     plan : SegmentPlan
         What the spectra depend on besides the rows.
     names, n_jobs, verbose
-        See `emacm._progress.run`.
+        See `emacm.recordings.inputs.run`.
 
     Returns
     -------

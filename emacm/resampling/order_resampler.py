@@ -18,7 +18,6 @@ from emacm._checks import (
     check_unique_columns,
     located,
 )
-from emacm._progress import run
 from emacm.recordings.inputs import (
     RecordingTransformer,
     as_list,
@@ -27,6 +26,7 @@ from emacm.recordings.inputs import (
     chosen_channels,
     described,
     received,
+    run,
 )
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import (

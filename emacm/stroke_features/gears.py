@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_count, check_signal
-from emacm._progress import run
-from emacm.recordings.inputs import as_recordings
+from emacm.recordings.inputs import as_recordings, run
 from emacm.resampling.angle_recording import AngleRecording, as_angle_recordings
 from emacm.stroke_features.transformer import MAX_COLUMNS, Row, StrokeFeatures, StrokeSignal
 

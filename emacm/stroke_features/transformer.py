@@ -17,7 +17,6 @@ from sklearn.base import TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, check_number, located
-from emacm._progress import run
 from emacm._saved import SavedEstimator
 from emacm.orders.columns import check_input_names
 from emacm.recordings.inputs import (
@@ -26,6 +25,7 @@ from emacm.recordings.inputs import (
     chosen_channels,
     described,
     names_of,
+    run,
 )
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
