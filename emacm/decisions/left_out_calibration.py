@@ -236,7 +236,8 @@ class LeftOutMixin:
         """Prior probability in effect of the unknown state; 0 if there is none.
 
         That of `priors`, or else the largest with which at most `unknown_rate` of the known
-        recordings, each judged without its group, are decided to be unknown.
+        recordings, each judged without its group, are decided to be unknown: the mean over the
+        groups and its standard error, because few groups leave the rate uncertain.
         """
         found, left = self._truth_priors()[1], self._calibration.left_out
         if left is None or self.unknown_rate is None:
@@ -247,15 +248,20 @@ class LeftOutMixin:
         log_priors = np.log(np.maximum(self.priors_, np.finfo(np.float64).tiny))
         joint = left.log_densities[judged] / self.temperature_ + log_priors
         posterior, weight = np.exp(log_softmax(joint, axis=1)), left.weight[judged]
+        units = np.unique(left.units[judged], return_inverse=True)[1]
+        n_units = int(units.max()) + 1
         model: Any = self  # its decisions and costs come from another base class
         number, cost = model.decisions_.tolist().index(self.unknown), model.cost_
 
         def rate(log_odds: float) -> float:
-            """Return the share of known recordings that are decided to be unknown."""
+            """Return the share of known recordings decided to be unknown, and its uncertainty."""
             probability = unknown_probability(left.typicality[judged], 1 / (1 + np.exp(-log_odds)))
             known = (1 - probability)[:, np.newaxis] * posterior
             risks = np.column_stack([known, probability]) @ cost.T
-            return float(weight @ (risks.argmin(axis=1) == number)) / weight.sum()
+            decided = weight * (risks.argmin(axis=1) == number)
+            shares = np.bincount(units, decided) / np.bincount(units, weight)
+            error = shares.std(ddof=1) / np.sqrt(n_units) if n_units > 1 else 0.0
+            return float(shares.mean() + error)
 
         low, high = -40.0, 40.0  # log odds; the rate increases with them
         for _ in range(40):
