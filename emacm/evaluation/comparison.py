@@ -136,7 +136,7 @@ def compare(
             f"The intervals of {len(rows)} evaluations hold one at a time; among many, some "
             f"exclude 0 by chance."
         )
-    table = pd.DataFrame({name: each.table.loc[chosen] for name, each in named.items()}).T
+    table = pd.DataFrame([each.table.loc[chosen] for each in named.values()], [*named])
     differences = pd.DataFrame([*rows.values()], index=[*rows])
     return Comparison(
         table=table.infer_objects(),

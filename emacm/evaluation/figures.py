@@ -21,20 +21,6 @@ from emacm.evaluation.scoring import ScoringRule
 
 Array = NDArray[np.float64]
 
-FIGURES = (
-    "balanced_accuracy",
-    "accuracy",
-    "false_alarm_rate",
-    "inspection_rate",
-    "missed_detection_rate",
-    "expected_cost",
-    "realised_cost",
-    "predicted_cost",
-    "log_loss",
-    "brier",
-    "calibration_error",
-)
-
 
 def tallies(judged: pd.DataFrame, rule: ScoringRule) -> dict[str, Tally]:
     """Return the contribution of each recording to each figure of merit.
@@ -50,13 +36,13 @@ def tallies(judged: pd.DataFrame, rule: ScoringRule) -> dict[str, Tally]:
     Returns
     -------
     dict of str to Tally
+        In the order in which they are printed.
     """
     truths = codes_of(judged["true_label"], rule.labels)
     one_cell = np.zeros(len(judged), np.intp)
     found = {
         "balanced_accuracy": Tally(judged["correct"], truths),
         "accuracy": Tally(judged["correct"], one_cell),
-        "expected_cost": Tally(judged["cost"], one_cell),
     }
     if rule.healthy is not None:
         is_faulty = (judged["true_label"] != rule.healthy).to_numpy(int)
@@ -65,15 +51,16 @@ def tallies(judged: pd.DataFrame, rule: ScoringRule) -> dict[str, Tally]:
         found["false_alarm_rate"] = Tally(called_faulty, -is_faulty)
         found["inspection_rate"] = Tally(~(called_healthy | called_faulty), -is_faulty)
         found["missed_detection_rate"] = Tally(called_healthy, is_faulty - 1)
+    found["expected_cost"] = Tally(judged["cost"], one_cell)
     if "predicted_cost" in judged:
         probabilities = judged[probability_columns(rule)].to_numpy(float)
         confidence, called, bins = most_probable(probabilities, truths)
+        found["realised_cost"] = _in_service(judged["cost"], judged["truth"], rule)
+        found["predicted_cost"] = _in_service(judged["predicted_cost"], judged["truth"], rule)
         found["log_loss"] = Tally(log_losses(probabilities, truths), one_cell)
         found["brier"] = Tally(brier_scores(probabilities, truths), one_cell)
         found["calibration_error"] = Tally(confidence - called, bins, gap_of_cells)
-        found["realised_cost"] = _in_service(judged["cost"], judged["truth"], rule)
-        found["predicted_cost"] = _in_service(judged["predicted_cost"], judged["truth"], rule)
-    return {name: found[name] for name in FIGURES if name in found}
+    return found
 
 
 def probability_columns(rule: ScoringRule) -> list[str]:

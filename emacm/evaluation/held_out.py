@@ -183,6 +183,7 @@ def all_schemes(
     Returns
     -------
     list of Scheme
+        At random, by run, by unit, by condition, and `splits`.
 
     Raises
     ------
@@ -213,16 +214,6 @@ def all_schemes(
             f"splits different names, for example as a pandas Series with a name."
         )
     return [replace(each, impossible=why_impossible(each.folds, labels)) for each in schemes]
-
-
-def strictest_scheme(
-    schemes: Sequence[Scheme], groupings: Mapping[str, Grouping | None]
-) -> Scheme | None:
-    """Return the split by unit, otherwise by run, otherwise at random, whichever can be scored."""
-    groups = [groupings["units"], groupings["runs"]]
-    names = [*(f"by {each.name}" for each in groups if each is not None), RANDOM]
-    possible = {scheme.name: scheme for scheme in schemes if not scheme.impossible}
-    return next((possible[name] for name in names if name in possible), None)
 
 
 def _largest_class(y: NDArray[Any]) -> int:

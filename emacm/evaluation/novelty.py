@@ -21,7 +21,6 @@ from emacm.evaluation.held_out import (
     all_schemes,
     decide_held_out,
     read_groupings,
-    strictest_scheme,
 )
 from emacm.evaluation.results import Printed, as_texts, judged_decisions
 from emacm.evaluation.scoring import ScoringRule, checked_classes, scoring_rule
@@ -60,8 +59,7 @@ class UnknownEvaluation(Printed):
 
     def printed_tables(self) -> dict[str, pd.DataFrame]:
         """Return the figures of merit, one column for each family."""
-        names = [name for name in self.table if f"{name}_low" in self.table]
-        return {"": as_texts(self.table, names).T}
+        return {"": as_texts(self.table).T}
 
 
 def evaluate_unknown(
@@ -126,8 +124,12 @@ def evaluate_unknown(
     rule = scoring_rule(np.unique(classes), unknown=unknown, priors=priors, **stated)
     labels = [rule.family_of[label] for label in classes.tolist()]
     groupings = read_groupings(X, runs, units)
-    divided = strictest_scheme(all_schemes(classes, labels, groupings, None, n_splits), groupings)
-    schemes = [] if divided is None else left_out_families(divided, labels, rule)
+    possible = [
+        scheme
+        for scheme in all_schemes(classes, labels, groupings, None, n_splits)
+        if not scheme.impossible
+    ]
+    schemes = left_out_families(possible[-1], labels, rule) if possible else []  # the strictest
     held_out = decide_held_out(estimator, X, classes, schemes, groupings)
     caveats = [
         f"{scheme.name!r} could not be left out of training. {scheme.impossible}"

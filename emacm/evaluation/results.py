@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from textwrap import fill
 from typing import Any
@@ -14,7 +14,6 @@ import pandas as pd
 from emacm.evaluation.bootstrap import GroupBootstrap
 from emacm.evaluation.caveats import confounding_caveats, scheme_caveats
 from emacm.evaluation.figures import (
-    FIGURES,
     codes_of,
     confusion,
     label_posteriors,
@@ -66,27 +65,26 @@ class Printed:
         return f"in brackets: {level} confidence interval, from a bootstrap over whole groups"
 
 
-def as_texts(table: pd.DataFrame, names: Sequence[str] = FIGURES) -> pd.DataFrame:
+def as_texts(table: pd.DataFrame) -> pd.DataFrame:
     """Return figures of merit with their limits as text, such as "0.95 (0.90 to 0.98)".
 
     Parameters
     ----------
     table : DataFrame
-        Columns ``accuracy``, ``accuracy_low``, ``accuracy_high`` and so on.
-    names : sequence of str
-        Figures of merit, those that the table has; in the result without underscores.
+        Columns ``accuracy``, ``accuracy_low``, ``accuracy_high`` and so on; others are left out.
 
     Returns
     -------
     DataFrame
+        The names of its columns have no underscores.
     """
     texts = {
         name.replace("_", " "): [
             _with_limits(*row)
             for row in table[[name, f"{name}_low", f"{name}_high"]].to_numpy(float)
         ]
-        for name in names
-        if name in table
+        for name in table
+        if f"{name}_low" in table
     }
     return pd.DataFrame(texts, index=table.index)
 

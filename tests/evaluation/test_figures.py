@@ -12,7 +12,6 @@ from emacm import CostSensitiveGaussianBayes
 from emacm.evaluation.bootstrap import GroupBootstrap, Tally
 from emacm.evaluation.evaluate import evaluate
 from emacm.evaluation.figures import (
-    FIGURES,
     brier_scores,
     confusion,
     log_losses,
@@ -143,11 +142,9 @@ def test_the_confusion_counts_families_decided_on_in_the_classes_of_their_truth(
     assert counts.to_numpy().tolist() == [[1, 1, 1], [1, 0, 1], [1, 0, 1]]
 
 
-def test_figures_of_merit_by_hand_are_in_their_order():
+def test_figures_of_merit_by_hand_are_in_the_order_of_the_table():
     found = tallies(*judged_families())
-    assert list(found) == [name for name in FIGURES if name in found]
     row = BOOTSTRAP.figures(found, np.arange(7))
-    assert list(row)[:3] == [f"balanced_accuracy{end}" for end in ("", "_low", "_high")]
     expected = {
         "balanced_accuracy": (1 / 3 + 2 / 4) / 2,
         "accuracy": 3 / 7,
@@ -157,6 +154,7 @@ def test_figures_of_merit_by_hand_are_in_their_order():
         "expected_cost": (4 + 0.5 + 1 + 0.5) / 7,
     }
     assert {name: row[name] for name in expected} == pytest.approx(expected)
+    assert list(row) == [f"{name}{end}" for name in expected for end in ("", "_low", "_high")]
     assert row["accuracy_low"] < 3 / 7 < row["accuracy_high"]
 
 
