@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm.orders.segment_plan import SectionCutter, SegmentPlan
-from emacm.resampling.fine_grid import DESIGN
 from emacm.resampling.quality import Quality
-from emacm.resampling.spreading import Spreading, upsampling
+from emacm.resampling.spreading import DESIGN, Spreading, upsampling
 from emacm.shaft.paths import ShaftPath
 from emacm.streams.packed_state import Resumable
 from emacm.streams.shaft_stream import GrowingStroke, HeldRows, HeldSeries, ShaftStream

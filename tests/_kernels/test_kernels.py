@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from emacm import _kernels
 from emacm._kernels import numpy as _kernels_numpy
-from emacm.resampling.fine_grid import _decimating_filter, _kernel_halves
+from emacm.resampling.spreading import _decimating_filter, _kernel_halves
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("numba") is None, reason="numba is not installed (extra 'fast')"

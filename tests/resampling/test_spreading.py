@@ -17,8 +17,7 @@ from emacm import BinTransformer, OrderPSD, OrderResampler, Recording, _kernels
 from emacm._kernels import using
 from emacm.orders.welch import order_psd
 from emacm.resampling.angle_recording import interpolated
-from emacm.resampling.fine_grid import DESIGN
-from emacm.resampling.spreading import spread_rows
+from emacm.resampling.spreading import DESIGN, spread_rows
 from emacm.shaft.paths import ShaftPath
 
 TURN = 2 * np.pi
