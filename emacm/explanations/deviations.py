@@ -16,29 +16,21 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
-from emacm.explanations.feature_traces import FeatureTrace, trace_features
-from emacm.explanations.opened_pipelines import OpenedPipeline, one_recording
+from emacm.explanations.feature_traces import FeatureTrace
+from emacm.explanations.opened_pipelines import OpenedPipeline, TracedRecordings, one_recording
 
 Array = NDArray[np.float64]
 
 
 def find_deviations(
-    trace: FeatureTrace,
-    row: Array,
-    scales: Array,
-    references: tuple[Array, Array, Array],
-    spread: Array,
+    traced: TracedRecordings, references: tuple[Array, Array, Array], spread: Array
 ) -> pd.DataFrame:
     """Determine how far a recording is from the training.
 
     Parameters
     ----------
-    trace : FeatureTrace
-        From the columns to the features.
-    row : ndarray of shape (n_columns,)
-        The recording.
-    scales : ndarray of shape (n_columns,)
-        dB per unit of each column, as of `columns_of`.
+    traced : TracedRecordings
+        One recording.
     references : (ndarray, ndarray, ndarray), each of shape (n_columns,)
         Positions of the nearest class, and of the least and the largest training value; NaN where
         they are not known.
@@ -53,10 +45,10 @@ def find_deviations(
         positive above, negative below, 0 within; their "unit", "dB" or "standard deviations"; and
         "level" and "reference_level" of the class [dB]. NaN where they are not known.
     """
-    found = trace.positions(row[np.newaxis])[0]
-    by_level = np.array([_in_decibels(trace, row, scales, found, each) for each in references])
+    row, scales = traced.table[0], traced.scales
+    by_level = np.array([_in_decibels(traced, each) for each in references])
     with np.errstate(all="ignore"):
-        by_spread = (found - np.array(references)) / spread
+        by_spread = (traced.positions[0] - np.array(references)) / spread
         levels = np.where(np.isinf(scales), 10 * np.log10(row), row * scales)
     exact = np.isfinite(by_level[0])
     mean, least, largest = np.where(exact, by_level, by_spread)
@@ -67,13 +59,12 @@ def find_deviations(
     return table.assign(unit=np.where(exact, "dB", "standard deviations"))
 
 
-def _in_decibels(
-    trace: FeatureTrace, row: Array, scales: Array, found: Array, reference: Array
-) -> Array:
+def _in_decibels(traced: TracedRecordings, reference: Array) -> Array:
     """Return the differences from reference positions [dB]; NaN where they cannot be determined.
 
     Each position depends on its own column, so that all can be changed at once, by 10 dB.
     """
+    row, scales, found = traced.table[0], traced.scales, traced.positions[0]
     power = np.isinf(scales)
     with np.errstate(all="ignore"):
         factor = 10 ** (10.0 / 10)
@@ -81,7 +72,7 @@ def _in_decibels(
             np.where(power, row * factor**sign, row + np.nan_to_num(sign * 10.0 / scales))
             for sign in (1, -1)
         ]
-        up, down = (trace.positions(x[np.newaxis])[0] - found for x in changed)
+        up, down = traced.trace.positions(np.array(changed)) - found
         logarithmic = np.abs(up + down) <= 1e-6 * np.abs(up)
         decibels = (found - reference) * 10.0 / up
         # In a position that is linear in the power, ten times the power adds nine times as much.
@@ -97,8 +88,8 @@ class StatementLimits:
 
     Attributes
     ----------
-    same : float
-        Difference of bins under one gain [dB].
+    exchanged : float
+        Mean deviation from which two channels may be exchanged [dB].
     gain : float
         Common deviation from which it is called a gain [dB].
     covered : float
@@ -119,7 +110,7 @@ class StatementLimits:
         Fraction of the largest contribution below which a sentence is left out.
     """
 
-    same: float = 3.0
+    exchanged: float = 6.0
     gain: float = 2.0
     covered: float = 0.9
     silent: float = -20.0
@@ -164,7 +155,7 @@ def unknown_statements(table: pd.DataFrame, nearest: str) -> list[str]:
         return [common]
     stated = _of_others(table[~is_band], nearest)
     for name, own in channels.items():
-        stated += _of_channel(name, own, nearest)
+        stated += _of_channel(name, own)
     stated.sort(key=lambda pair: -pair[0])
     least = _LIMITS.share * stated[0][0] if stated else 0.0
     texts = [text for weight, text in stated[: _LIMITS.most] if weight >= least]
@@ -180,14 +171,9 @@ def _gain(own: pd.DataFrame) -> float | None:
 
     0 if they are in this range. One bin in ten may deviate.
     """
-    least, most = own["largest"] - _LIMITS.least, own["least"] + _LIMITS.least
-    if least.isna().any():
-        least, most = own["deviation"] - _LIMITS.same, own["deviation"] + _LIMITS.same
+    least, most = (own["largest"] - _LIMITS.least, own["least"] + _LIMITS.least)
     candidates = np.concatenate([[0.0], least, most])
-    inside = (least.to_numpy() <= candidates[:, np.newaxis]) & (
-        candidates[:, np.newaxis] <= most.to_numpy()
-    )
-    covered = inside.mean(axis=1)
+    covered = np.array([np.mean((least <= gain) & (gain <= most)) for gain in candidates])
     if covered[0] >= _LIMITS.covered:
         return 0.0
     best = covered.max()
@@ -213,59 +199,52 @@ def _swapped(channels: dict[str, pd.DataFrame]) -> str:
         levels = np.array([first["level"], second["level"]])
         means = np.array([first["reference_level"], second["reference_level"]])
         own, crossed = np.abs(levels - means).mean(), np.abs(levels - means[::-1]).mean()
-        if own > 2 * _LIMITS.same and crossed < own / 3:
+        if own > _LIMITS.exchanged and crossed < own / 3:
             return f"channels {one!r} and {other!r} as if exchanged: are they swapped?"
     return ""
 
 
-def _of_channel(name: str, own: pd.DataFrame, nearest: str) -> list[tuple[float, str]]:
+def _of_channel(name: str, own: pd.DataFrame) -> list[tuple[float, str]]:
     """Return the sentences about the bins of one channel, each with its contribution."""
-    outside, limit, of = own["outside_training"], _LIMITS.least, "the training"
-    if outside.isna().all():
-        outside, limit, of = own["deviation"], 2 * _LIMITS.same, repr(nearest)
-    weight, far = own["contribution"].abs(), outside.abs() > limit
-    gain, level = _gain(own), own["deviation"].median()
-    if (outside < -limit).all() and level <= _LIMITS.silent:
-        text = f"{_span(level)} training: cable or sensor?"
+    outside, weight = own["outside_training"], own["contribution"].abs()
+    far, gain = outside.abs() > _LIMITS.least, _gain(own)
+    if (outside < -_LIMITS.least).all() and own["deviation"].median() <= _LIMITS.silent:
+        text = f"{_span(own['deviation'].median())} training: cable or sensor?"
     elif gain is not None and abs(gain) >= _LIMITS.gain:
         text = f"{_span(gain)} training at all orders: gain or unit?"
     elif far.mean() > _LIMITS.broad:
         share = f"{100 * far.mean():.0f} % of its order bins"
-        text = f"{_span(*outside[far])} {of} in {share}: broad band"
+        text = f"{_span(*outside[far])} the training in {share}: broad band"
     else:
         signs = np.sign(outside) * far
-        parts = own.assign(outside=outside).groupby((signs != signs.shift()).cumsum())
+        parts = [part for _, part in own.groupby((signs != signs.shift()).cumsum())]
         return [
-            (part["contribution"].abs().sum(), _of_orders(name, part, of))
-            for _, part in parts
+            (weight[part.index].sum(), _of_orders(name, part))
+            for part in parts
             if far[part.index[0]]
         ]
     return [(weight.sum(), f"channel {name!r} {text}")]
 
 
-def _of_orders(name: str, part: pd.DataFrame, of: str) -> str:
+def _of_orders(name: str, part: pd.DataFrame) -> str:
     """Return a sentence about adjacent bins that are all above, or all below the training."""
-    above = part["outside"].iloc[0] > 0
-    if of == "the training":
-        of = "the training maximum" if above else "the training minimum"
-    peak = part["outside"].abs().idxmax()
-    others = part["outside"].abs().drop(peak)
+    outside = part["outside_training"]
+    above = outside.iloc[0] > 0
+    peak = outside.abs().idxmax()
     height = _LIMITS.peak if len(part) <= _LIMITS.line else _LIMITS.high_peak
-    if (others <= abs(part["outside"][peak]) - height).all():
+    if (outside.drop(peak).abs() <= abs(outside[peak]) - height).all():
         part = part.loc[[peak]]
-    low, high = part["low"].min(), part["high"].max()
+    orders = f"{part['low'].min():g} to {part['high'].max():g} of {name!r}"
+    limit = f"the training {'maximum' if above else 'minimum'}"
     if len(part) > 2:
-        return f"orders {low:g} to {high:g} of {name!r} {_span(*part['outside'])} {of}"
-    kind = "line at order" if above else "order"
-    return f"{kind} {low:g} to {high:g} of {name!r}, {_span(part['outside'][peak])} {of}"
+        return f"orders {orders} {_span(*part['outside_training'])} {limit}"
+    return f"{'line at order' if above else 'order'} {orders}, {_span(outside[peak])} {limit}"
 
 
 def _of_others(table: pd.DataFrame, nearest: str) -> list[tuple[float, str]]:
     """Return sentences about columns that are not powers in a band of orders."""
-    outside, deviation = table["outside_training"], table["deviation"]
-    stated = table[(outside.abs() > _LIMITS.least) | (outside.isna() & (deviation.abs() > 3))]
     texts = []
-    for row in stated.itertuples():
+    for row in table[table["outside_training"].abs() > _LIMITS.least].itertuples():
         size = _span(row.deviation)
         if row.unit != "dB":
             way = "above" if row.deviation > 0 else "below"
@@ -328,19 +307,17 @@ def class_deviations(
     """
     x = one_recording(x)
     opened = OpenedPipeline.of(pipeline, x)
-    values, bins = opened.table(x)
-    trace = trace_features(opened.steps, values)
+    traced = opened.traced(x)
     if background is None:
-        mean, spread = _learned(opened.classifier, trace, reference)
+        mean, spread = _learned(opened.classifier, traced.trace, reference)
     else:
-        others = trace.positions(opened.table(background)[0])
+        others = traced.trace.positions(opened.table(background)[0])
         mean, spread = others.mean(axis=0), others.std(axis=0)
-    row, unknown = values[0], np.full(len(mean), np.nan)
-    scales, references = opened.scales(len(row)), (mean, unknown, unknown)
-    found = find_deviations(trace, row, scales, references, spread)
+    unknown = np.full(len(mean), np.nan)
+    found = find_deviations(traced, (mean, unknown, unknown), spread)
     with np.errstate(all="ignore"):
-        found["sigmas"] = (trace.positions(values)[0] - mean) / spread
-    return bins.join(found[["deviation", "unit", "sigmas", "level", "reference_level"]])
+        found["sigmas"] = (traced.positions[0] - mean) / spread
+    return traced.bins.join(found[["deviation", "unit", "sigmas", "level", "reference_level"]])
 
 
 def _learned(

@@ -7,7 +7,6 @@ not by the bearing. These functions quantify it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
@@ -17,13 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.truths import label_list, label_positions
-from emacm.explanations.deviations import (
-    PROJECTED,
-    find_deviations,
-    unknown_statements,
-)
-from emacm.explanations.feature_traces import FeatureTrace, trace_features, with_names
-from emacm.explanations.opened_pipelines import OpenedPipeline, one_recording
+from emacm.explanations.deviations import PROJECTED, find_deviations, unknown_statements
+from emacm.explanations.feature_traces import with_names
+from emacm.explanations.opened_pipelines import OpenedPipeline, TracedRecordings, one_recording
 
 Array = NDArray[np.float64]
 
@@ -117,7 +112,7 @@ def explain_decision(
     """
     x = one_recording(x)
     opened = OpenedPipeline.of(pipeline, x)
-    classifier, traced = opened.classifier, _Traced.of(opened, x)
+    classifier, traced = opened.classifier, opened.traced(x)
     classes = classifier.classes_.tolist()
     decision, against = _question(classifier, traced.features, decision, against)
     with_unknown = classifier.unknown is not None and classifier.unknown in (decision, against)
@@ -130,7 +125,7 @@ def explain_decision(
             raise ValueError("background must contain at least one recording, got none.")
         others = traced.trace.positions(values)
         centre = others.mean(axis=0)
-    step, start, end = traced.lines(classifier, code, centre)
+    step, start, end = _lines(classifier, traced, code, centre)
     attrs = {"decision": decision, "against": against, "baseline": classes[code]}
     if with_unknown:
         distances = classifier.distances_
@@ -144,9 +139,9 @@ def explain_decision(
         value, baseline = (log_odds(classifier, z, own, code)[0] for z in (end, start))
         quantity = f"log odds of {decision!r} against {against!r} [nats]"
     attrs |= {"quantity": quantity, "value": float(value), "baseline_value": float(baseline)}
-    table = traced.bins.assign(contribution=traced.split(step, slope)[0])
+    table = traced.bins.assign(contribution=(step * (slope @ traced.trace.matrix))[0])
     if with_unknown:
-        deviations = traced.deviations(classifier, opened.scales(len(table)), step, others)
+        deviations = _deviations(classifier, traced, step, others)
         attrs["statements"] = [PROJECTED]
         if others is not None or not traced.trace.linear:
             attrs["statements"] = unknown_statements(table.join(deviations), str(classes[code]))
@@ -198,7 +193,7 @@ def explain_model(pipeline: Any, X: Any, y: ArrayLike | None = None) -> pd.DataF
     1  torque@0-1   0.07
     """
     opened = OpenedPipeline.of(pipeline, X)
-    classifier, traced = opened.classifier, _Traced.of(opened, X)
+    classifier, traced = opened.classifier, opened.traced(X)
     if y is None:
         own = np.argmax(joint_log_proba(classifier, traced.features), axis=1)
         codes = np.flatnonzero(classifier.priors_ > 0).tolist()
@@ -210,9 +205,9 @@ def explain_model(pipeline: Any, X: Any, y: ArrayLike | None = None) -> pd.DataF
         found = []
         for code, other in (pair, pair[::-1]):
             centre = None if y is None else traced.positions[own == other].mean(axis=0)
-            step, start, end = traced.lines(classifier, other, centre, chosen=own == code)
+            step, start, end = _lines(classifier, traced, other, centre, chosen=own == code)
             slope = mean_slope_of_log_odds(classifier, start, end, code, other)
-            found.append(np.abs(traced.split(step, slope)))
+            found.append(np.abs(step * (slope @ traced.trace.matrix)))
         if any(map(len, found)):
             name = " vs ".join(str(label) for label in classifier.classes_[list(pair)].tolist())
             magnitudes[name] = np.concatenate(found)
@@ -227,66 +222,43 @@ def explain_model(pipeline: Any, X: Any, y: ArrayLike | None = None) -> pd.DataF
     return table
 
 
-@dataclass(frozen=True)
-class _Traced:
-    """Recordings as bins, positions (after the element-wise steps) and features."""
+def _lines(
+    classifier: CostSensitiveGaussianBayes,
+    traced: TracedRecordings,
+    code: int,
+    centre: Array | None,
+    *,
+    chosen: Any = slice(None),
+) -> tuple[Array, Array, Array]:
+    """Return the lines to the chosen recordings: steps in positions, both ends in features."""
+    end, matrix = traced.features[chosen], traced.trace.matrix
+    if centre is not None:
+        step = traced.positions[chosen] - centre
+    else:
+        step = end - classifier.means_[code]
+        if traced.trace.linear:  # the shortest step with this difference of features
+            step = step @ np.linalg.pinv(matrix).T
+    return step, end - step @ matrix.T, end
 
-    values: Array
-    bins: pd.DataFrame
-    trace: FeatureTrace
-    positions: Array
-    features: Array
 
-    @classmethod
-    def of(cls, opened: OpenedPipeline, X: Any) -> _Traced:
-        values, bins = opened.table(X)
-        trace = trace_features(opened.steps, values)
-        positions = trace.positions(values)
-        return cls(values, bins, trace, positions, trace.features(positions))
+def _deviations(
+    classifier: CostSensitiveGaussianBayes,
+    traced: TracedRecordings,
+    step: Array,
+    others: Array | None,
+) -> pd.DataFrame:
+    """Return the deviations of one recording, which is a step away from the nearest class.
 
-    def lines(
-        self,
-        classifier: CostSensitiveGaussianBayes,
-        code: int,
-        centre: Array | None,
-        *,
-        chosen: Any = slice(None),
-    ) -> tuple[Array, Array, Array]:
-        """Return the lines to the chosen recordings: steps in positions, both ends in features."""
-        end, matrix = self.features[chosen], self.trace.matrix
-        if centre is not None:
-            step = self.positions[chosen] - centre
-        else:
-            step = end - classifier.means_[code]
-            if self.trace.linear:  # the shortest step with this difference of features
-                step = step @ np.linalg.pinv(matrix).T
-        return step, end - step @ matrix.T, end
-
-    def deviations(
-        self,
-        classifier: CostSensitiveGaussianBayes,
-        scales: Array,
-        step: Array,
-        others: Array | None,
-    ) -> pd.DataFrame:
-        """Return the deviations of one recording, which is a step away from the nearest class.
-
-        `others` are the positions of background recordings, whose range is that of the training
-        where the features are projections of several columns.
-        """
-        place = self.positions[0]
-        low, high, spread = np.full((3, len(place)), np.nan)
-        if not self.trace.linear:  # each feature is the position of one column
-            low, high = classifier.feature_range_
-            spread = classifier.distances_.deviations
-        elif others is not None:
-            low, high, spread = others.min(axis=0), others.max(axis=0), others.std(axis=0)
-        references = (place - step[0], low, high)
-        return find_deviations(self.trace, self.values[0], scales, references, spread)
-
-    def split(self, step: Array, slope: Array) -> Array:
-        """Distribute the explained quantity over the bins, shape (n_recordings, n_bins)."""
-        return step * (slope @ self.trace.matrix)
+    `others` are the positions of background recordings, whose range is that of the training
+    where the features are projections of several columns.
+    """
+    low, high, spread = np.full((3, *step[0].shape), np.nan)
+    if not traced.trace.linear:  # each feature is the position of one column
+        low, high = classifier.feature_range_
+        spread = classifier.distances_.deviations
+    elif others is not None:
+        low, high, spread = others.min(axis=0), others.max(axis=0), others.std(axis=0)
+    return find_deviations(traced, (traced.positions[0] - step[0], low, high), spread)
 
 
 def _ranked(table: pd.DataFrame) -> pd.DataFrame:

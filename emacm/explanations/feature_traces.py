@@ -54,7 +54,7 @@ def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTra
     Parameters
     ----------
     steps : sequence of (name, transformer)
-        Fitted steps after the table; None and "passthrough" are left out.
+        Fitted steps after the table.
     table : ndarray of shape (n_recordings, n_columns)
         Rows of the table; the steps are tested near the first.
 
@@ -85,8 +85,6 @@ def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTra
     linear: list[tuple[str, Any]] = []
     matrix = np.eye(row.shape[1])
     for name, step in steps:
-        if step is None or isinstance(step, str):
-            continue
         after = apply_step(step, row)
         if not np.isfinite(after).all():
             raise ValueError(

@@ -15,10 +15,12 @@ from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_finite_table, check_real_array
+from emacm.conditions.healthy import are_recordings
 from emacm.conditions.present_costs import with_present_costs
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import search_estimator
+from emacm.explanations.feature_traces import FeatureTrace, trace_features
 from emacm.machine.fault_lines import FaultLines
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.columns import column_names
@@ -26,12 +28,6 @@ from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.inputs import refuse_single
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
-
-
-def is_skipped(step: Any) -> bool:
-    """Return whether a step of a pipeline does nothing."""
-    return step is None or isinstance(step, str)
-
 
 Array = NDArray[np.float64]
 
@@ -70,9 +66,8 @@ def columns_of(maker: Any) -> tuple[list[str], Array]:
 def _columns(step: Any, names: Any, scales: Array) -> tuple[Any, Array]:
     """Return names and scales of the columns after a step, from those before; None: no names."""
     if isinstance(step, Pipeline):
-        for _, inner in step.steps:
-            if not is_skipped(inner):
-                names, scales = _columns(inner, names, scales)
+        for _, inner in _flat_steps(step):
+            names, scales = _columns(inner, names, scales)
         return names, scales
     if isinstance(step, FeatureUnion):
         return _union_columns(step, names, scales)
@@ -85,9 +80,8 @@ def _columns(step: Any, names: Any, scales: Array) -> tuple[Any, Array]:
         return None, scales
     names = step.get_feature_names_out(names)
     if not isinstance(step, FunctionTransformer):
-        scale = 1.0 if isinstance(step, FaultLines) else np.nan  # levels in dB
-        scale = np.inf if isinstance(step, BinTransformer | OrderPSD) else scale
-        scales = np.full(len(names), scale)
+        known = {BinTransformer: np.inf, OrderPSD: np.inf, FaultLines: 1.0}  # levels in dB
+        scales = np.full(len(names), known.get(type(step), np.nan))
     return names, scales
 
 
@@ -122,9 +116,8 @@ class OpenedPipeline:
     Attributes
     ----------
     before : tuple of transformers
-        Steps up to the table of bins, or of other named features.
-    maker : transformer or None
-        The last of them, which names the columns; None if the input of the pipeline is a table.
+        Steps up to the table of bins, or of other named features; the last one names the columns.
+        Empty if the input of the pipeline is a table.
     steps : tuple of (name, transformer)
         Steps from the table to the classifier.
     classifier : CostSensitiveGaussianBayes
@@ -134,7 +127,6 @@ class OpenedPipeline:
     """
 
     before: tuple[Any, ...]
-    maker: Any
     steps: tuple[tuple[str, Any], ...]
     classifier: CostSensitiveGaussianBayes
     router: ConditionRouter | None = None
@@ -147,10 +139,9 @@ class OpenedPipeline:
         step that turns the recordings `X` into a table, such as a `FeatureUnion`.
         """
         refuse_single(X)
-        steps = _flat_steps(pipeline)
-        name, classifier = steps[-1]
+        *steps, (name, classifier) = _flat_steps(pipeline)
         if isinstance(classifier, ConditionRouter):
-            if len(steps) > 1:
+            if steps:
                 raise TypeError(
                     "a ConditionRouter after other steps of a pipeline has a classifier for each "
                     "condition. Put the steps before it into its estimator, or explain one of its "
@@ -164,15 +155,11 @@ class OpenedPipeline:
             )
         check_is_fitted(classifier)
         kinds = BinTransformer | FaultLines
-        places = [i for i, (_, step) in enumerate(steps) if isinstance(step, kinds)]
-        if places:
-            cut = places[-1]
-        elif _are_recordings(X):
-            cut = _first_table(steps[:-1], X)
-        else:
-            return cls((), None, tuple(steps[:-1]), classifier)
-        before = tuple(step for _, step in steps[: cut + 1])
-        return cls(before, steps[cut][1], tuple(steps[cut + 1 : -1]), classifier)
+        cut = max((i for i, (_, step) in enumerate(steps, 1) if isinstance(step, kinds)), default=0)
+        if not cut and are_recordings(X):
+            cut = _first_table(steps, X)
+        before = tuple(step for _, step in steps[:cut])
+        return cls(before, tuple(steps[cut:]), classifier)
 
     @classmethod
     def _of_condition(cls, router: ConditionRouter, X: Any) -> OpenedPipeline:
@@ -188,24 +175,24 @@ class OpenedPipeline:
         priced = with_present_costs(inner.classifier, models[0], router.estimator, router.classes_)
         return replace(inner, classifier=priced, router=router)
 
-    def scales(self, n_columns: int) -> Array:
-        """Return what one unit of each column of the table is in dB, see `columns_of`."""
-        return np.full(n_columns, np.nan) if self.maker is None else columns_of(self.maker)[1]
+    def table(self, X: Any) -> tuple[Array, pd.DataFrame, Array]:
+        """Return the table of recordings, a description of its columns, and their scales.
 
-    def table(self, X: Any) -> tuple[Array, pd.DataFrame]:
-        """Return the bins or features of recordings, and a description of each column."""
+        The scales are those of `columns_of`.
+        """
         X = X if self.router is None else self.router.inner(X)
-        if self.maker is None:
-            return self._own_table(X)
-        for step in self.before:
-            X = X if is_skipped(step) else step.transform(X)
-        frame = _bin_frame(columns_of(self.maker)[0])
-        if isinstance(self.maker, BinTransformer):
-            edges = np.tile(self.maker.bins_, (len(frame) // len(self.maker.bins_), 1))
-            frame = frame.assign(low=edges[:, 0], high=edges[:, 1])
-        return np.asarray(X, dtype=np.float64), frame
+        if not self.before:
+            values, names = self._own_table(X)
+            return values, _bin_frame(names), np.full(len(names), np.nan)
+        for maker in self.before:
+            X = maker.transform(X)
+        names, scales = columns_of(maker)
+        frame = _bin_frame(names)
+        if isinstance(maker, BinTransformer):
+            frame[["low", "high"]] = np.tile(maker.bins_, (len(frame) // len(maker.bins_), 1))
+        return np.asarray(X, dtype=np.float64), frame, scales
 
-    def _own_table(self, X: Any) -> tuple[Array, pd.DataFrame]:
+    def _own_table(self, X: Any) -> tuple[Array, list[Any]]:
         names = column_names(X)
         first = self.steps[0][1] if self.steps else self.classifier
         expected = getattr(first, "feature_names_in_", None)
@@ -219,7 +206,29 @@ class OpenedPipeline:
         numbered = [f"x{i}" for i in range(values.shape[1])]
         labels = list(next((own for own in (names, expected) if own is not None), numbered))
         check_finite_table(values, "recording", labels)
-        return values, _bin_frame(labels)
+        return values, labels
+
+    def traced(self, X: Any) -> TracedRecordings:
+        """Return recordings after each kind of steps."""
+        values, bins, scales = self.table(X)
+        trace = trace_features(self.steps, values)
+        positions = trace.positions(values)
+        return TracedRecordings(values, bins, scales, trace, positions, trace.features(positions))
+
+
+@dataclass(frozen=True)
+class TracedRecordings:
+    """Recordings as rows of the table, positions (after the element-wise steps) and features.
+
+    `bins` describes the columns of the table, and `scales` are those of `columns_of`.
+    """
+
+    table: Array
+    bins: pd.DataFrame
+    scales: Array
+    trace: FeatureTrace
+    positions: Array
+    features: Array
 
 
 def one_recording(x: Any) -> Any:
@@ -245,7 +254,7 @@ def one_recording(x: Any) -> Any:
 
 
 def _flat_steps(estimator: Any, prefix: str = "") -> list[tuple[str, Any]]:
-    """Return the steps of a pipeline, with nested pipelines and searches replaced by theirs."""
+    """Return the steps that do something, with nested pipelines and searches opened."""
     inner = search_estimator(estimator)
     if inner is not estimator:
         return _flat_steps(inner, prefix)
@@ -254,24 +263,19 @@ def _flat_steps(estimator: Any, prefix: str = "") -> list[tuple[str, Any]]:
     return [
         flat
         for name, step in estimator.steps
+        if step not in (None, "passthrough")
         for flat in _flat_steps(step, f"{prefix}__{name}" if prefix else name)
     ]
 
 
-def _are_recordings(X: Any) -> bool:
-    listed = isinstance(X, list | tuple) or (isinstance(X, np.ndarray) and X.dtype == object)
-    return listed and len(X) > 0 and isinstance(X[0], Recording | AngleRecording)
-
-
 def _first_table(steps: Sequence[tuple[str, Any]], X: Any) -> int:
-    """Return the index of the step that turns recordings into a table, tested with one of them."""
+    """Return the number of steps that turn recordings into a table, tested with one of them."""
     sample, reason = list(X[:1]), "No step turns them into a table."
     try:
-        for place, (_, step) in enumerate(steps):
-            if not is_skipped(step):
-                sample = step.transform(sample)
-                if len(getattr(sample, "shape", ())) == 2:
-                    return place
+        for number, (_, step) in enumerate(steps, 1):
+            sample = step.transform(sample)
+            if len(getattr(sample, "shape", ())) == 2:
+                return number
     except (TypeError, ValueError) as error:
         reason = str(error)
     raise ValueError(
@@ -280,7 +284,7 @@ def _first_table(steps: Sequence[tuple[str, Any]], X: Any) -> int:
     )
 
 
-def _bin_frame(names: Sequence[Any] | NDArray[Any]) -> pd.DataFrame:
+def _bin_frame(names: Sequence[Any]) -> pd.DataFrame:
     """Parse channel and orders from the names of bins or lines; from others, the channel."""
     rows = []
     for name in map(str, names):
