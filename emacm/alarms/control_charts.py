@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import accumulate
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -12,7 +13,6 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from emacm._checks import check_finite_readings, check_number, check_table, group_codes
 from emacm._saved import SavedEstimator
 from emacm.alarms.run_lengths import (
-    LONGEST,
     RunLength,
     cusum_run_length,
     ewma_run_length,
@@ -119,7 +119,7 @@ class _Chart(SavedEstimator):
             X[order][:, ~constant],
             numbers[order],
             self._next,
-            lambda statistic: self._exceeds(statistic, limit),
+            limit,
             self._run_length(limit, 0.0),
             np.random.default_rng(0),
         )
@@ -149,12 +149,10 @@ class _Chart(SavedEstimator):
         rows: Any = [X] if np.ndim(X) == 1 else X
         X = self._table(rows, reset=False)
         standardised = (X - self.mean_) / self.scale_
-        statistics, statistic = np.empty_like(X), self.statistic_
-        for index, row in enumerate(standardised):
-            statistic = statistics[index] = self._next(statistic, row)
-        self.statistic_ = statistic.copy()
+        statistics = np.array([*accumulate(standardised, self._next, initial=self.statistic_)][1:])
+        self.statistic_ = statistics[-1].copy()
         self.n_updates_ += len(X)
-        return AlarmReadings(statistics, self._exceeds(statistics, self.limit_))
+        return AlarmReadings(statistics, np.abs(statistics) > self.limit_)
 
     def reset(self) -> Self:
         """Start the chart again at the mean of the baseline.
@@ -227,28 +225,27 @@ class _Chart(SavedEstimator):
         check_finite_readings(X, self)
         return X
 
-    def _limit(self, *, default_arl: float = 500.0, largest: float = 100.0) -> float:
-        """Return the limit: given, or from the average run length."""
+    def _limit(
+        self, *, default_arl: float = 500.0, largest: float = 100.0, longest: float = 1e9
+    ) -> float:
+        """Return the limit: given, or from the average run length, which is at most `longest`."""
         limit, arl = self.limit, self.__dict__["arl"]
         if limit is not None and arl is not None:
             raise ValueError(f"give limit or arl, got both: limit={limit!r}, arl={arl!r}.")
         if limit is not None:
             return check_number(limit, "limit", above=0, at_most=largest)
-        arl = check_number(default_arl if arl is None else arl, "arl", above=1, at_most=LONGEST)
+        arl = check_number(default_arl if arl is None else arl, "arl", above=1, at_most=longest)
         return limit_for(lambda x: self._run_length(x, 0.0), arl, type(self).__name__)
 
     def _average_run_length(self, shift: float = 0.0) -> float:
-        shift = check_number(shift, "shift")
-        return self._run_length(self._limit(), shift)
+        return self._run_length(self._limit(), check_number(shift, "shift"))
 
     def _run_length(self, limit: float, shift: float) -> float:
+        """Return the average run length with a known baseline."""
         raise NotImplementedError
 
     def _next(self, statistic: Array, standardised: Array) -> Array:
-        """Return the next statistic."""
-        raise NotImplementedError
-
-    def _exceeds(self, statistic: Array, limit: float) -> NDArray[np.bool_]:
+        """Return the next statistic; there is an alarm if it is farther from 0 than the limit."""
         raise NotImplementedError
 
 
@@ -304,18 +301,13 @@ class EWMA(_Chart):
         self.arl = arl
 
     def _run_length(self, limit: float, shift: float) -> float:
-        return ewma_run_length(self._checked_weight(), limit, shift)
+        weight = check_number(self.weight, "weight", above=0, at_most=1)
+        return ewma_run_length(weight, limit, shift)
 
     def _next(self, statistic: Array, standardised: Array) -> Array:
         # In units of its standard deviation in the long run, sqrt(weight / (2 - weight)).
-        weight = self._checked_weight()
-        return (1 - weight) * statistic + np.sqrt(weight * (2 - weight)) * standardised
-
-    def _checked_weight(self) -> float:
-        return check_number(self.weight, "weight", above=0, at_most=1)
-
-    def _exceeds(self, statistic: Array, limit: float) -> NDArray[np.bool_]:
-        return np.abs(statistic) > limit
+        scale = np.sqrt(self.weight * (2 - self.weight))
+        return (1 - self.weight) * statistic + scale * standardised
 
 
 class CUSUM(_Chart):
@@ -368,13 +360,8 @@ class CUSUM(_Chart):
         self.arl = arl
 
     def _run_length(self, limit: float, shift: float) -> float:
-        return cusum_run_length(self._checked_reference(), limit, shift)
+        reference = check_number(self.reference, "reference", at_least=0, at_most=10)
+        return cusum_run_length(reference, limit, shift)
 
     def _next(self, statistic: Array, standardised: Array) -> Array:
-        return np.maximum(0.0, statistic + standardised - self._checked_reference())
-
-    def _checked_reference(self) -> float:
-        return check_number(self.reference, "reference", at_least=0, at_most=10)
-
-    def _exceeds(self, statistic: Array, limit: float) -> NDArray[np.bool_]:
-        return statistic > limit
+        return np.maximum(0.0, statistic + standardised - self.reference)

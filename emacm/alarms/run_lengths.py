@@ -16,9 +16,8 @@ References
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import copy
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
@@ -111,7 +110,7 @@ def stated_run_length(
     baseline: Array,
     groups: NDArray[np.intp],
     advance: Callable[[Array, Array], Array],
-    exceeds: Callable[[Array], NDArray[np.bool_]],
+    limit: float,
     nominal: float,
     rng: np.random.Generator,
     settings: Bootstrap = Bootstrap(),
@@ -126,8 +125,8 @@ def stated_run_length(
         Number of the group of each reading, from 0.
     advance : callable
         Next statistic, from statistic and standardised readings, of any shape.
-    exceeds : callable
-        Whether a statistic is beyond the limit.
+    limit : float
+        Limit of the absolute value of the statistic.
     nominal : float
         Average run length with a known baseline.
     rng : Generator
@@ -167,7 +166,7 @@ def stated_run_length(
     ========  =================  =================  =================
     """
     n_readings, n_groups = len(baseline), int(groups.max()) + 1
-    process = _Process(baseline, groups, rng, settings)
+    process = _Process(baseline, groups, settings)
     correlation = float(process.correlations.max())
     size = (correlation, n_readings, n_groups)
     # Successive readings of a group state the correlation; each group has one reading without.
@@ -179,8 +178,8 @@ def stated_run_length(
 
     def alarms(shift: Array | float) -> tuple[int, Array]:
         """Return false alarms, and the correlations of baselines, for shifted correlations."""
-        moved = process.with_correlations(np.tanh(own + shift), np.random.default_rng(seed))
-        return _simulated(moved, advance, exceeds, n_steps)
+        process.restart(np.tanh(own + shift), seed)
+        return process.false_alarms(advance, limit, n_steps)
 
     own = np.arctanh(process.correlations)
     n_alarms, estimated = alarms(0.0)
@@ -200,24 +199,6 @@ def stated_run_length(
     return RunLength(nominal, bias * n_simulated / n_alarms, "bootstrap", *size)
 
 
-def _simulated(
-    process: _Process,
-    advance: Callable[[Array, Array], Array],
-    exceeds: Callable[[Array], NDArray[np.bool_]],
-    n_steps: int,
-) -> tuple[int, Array]:
-    """Return the false alarms after simulated baselines, and the correlations of these."""
-    mean, scale, estimated = process.estimated_baselines()
-    process.start_group()
-    statistic, n_alarms = np.zeros_like(mean), 0
-    for _ in range(n_steps):
-        statistic = advance(statistic, (process.next_readings() - mean) / scale)
-        alarmed = exceeds(statistic).any(axis=1)
-        n_alarms += int(np.count_nonzero(alarmed))
-        statistic[alarmed] = 0
-    return n_alarms, estimated
-
-
 class _Process:
     """Simulated readings: offset of the group + autoregression of resampled residual blocks.
 
@@ -229,10 +210,9 @@ class _Process:
         self,
         baseline: Array,
         groups: NDArray[np.intp],
-        rng: np.random.Generator,
         settings: Bootstrap = Bootstrap(),
     ) -> None:
-        self._rng, self._settings = rng, settings
+        self._settings = settings
         self._lengths = np.bincount(groups)
         n_groups = len(self._lengths)
         means = np.array([baseline[groups == g].mean(axis=0) for g in range(n_groups)])
@@ -248,15 +228,26 @@ class _Process:
         residuals = centred[follows] - self.correlations * centred[follows - 1]
         lost = 2 * n_groups  # degrees of freedom: mean and first reading of each group
         factor = np.sqrt(len(residuals) / max(len(residuals) - lost / 2, 1))
-        self._residuals = (residuals - residuals.mean(axis=0)) * factor if len(residuals) else None
+        self._residuals = (residuals - residuals.sum(axis=0) / max(len(residuals), 1)) * factor
         self._block = max(1, round(len(baseline) ** 0.25) - 1)
-        self._left = 0
 
-    def with_correlations(self, correlations: Array, rng: np.random.Generator) -> _Process:
-        """Return a process with the same residuals and other correlations."""
-        other = copy(self)
-        other.correlations, other._rng, other._left = correlations, rng, 0
-        return other
+    def restart(self, correlations: Array, seed: int) -> None:
+        """Start a simulation with the same residuals and other correlations."""
+        self.correlations, self._rng, self._left = correlations, np.random.default_rng(seed), 0
+
+    def false_alarms(
+        self, advance: Callable[[Array, Array], Array], limit: float, n_steps: int
+    ) -> tuple[int, Array]:
+        """Return the false alarms after simulated baselines, and the correlations of these."""
+        mean, scale, estimated = self.estimated_baselines()
+        self.start_group()
+        statistic, n_alarms = np.zeros_like(mean), 0
+        for _ in range(n_steps):
+            statistic = advance(statistic, (self.next_readings() - mean) / scale)
+            alarmed = (np.abs(statistic) > limit).any(axis=1)
+            n_alarms += int(np.count_nonzero(alarmed))
+            statistic[alarmed] = 0
+        return n_alarms, estimated
 
     def estimated_baselines(self) -> tuple[Array, Array, Array]:
         """Return mean, standard deviation and correlation of simulated baselines.
@@ -264,7 +255,8 @@ class _Process:
         Each of shape (n_baselines, n_columns).
         """
         shape = (self._settings.n_baselines, self._offsets.shape[1])
-        total, squares, power, products = np.zeros((4, *shape))
+        power, products = np.zeros((2, *shape))
+        means = []
         for length in self._lengths:
             self.start_group()
             first = last = self.next_readings() - self._offset
@@ -277,11 +269,10 @@ class _Process:
             centre = sums[0] / length
             power += sums[1] - length * centre**2
             products += sums[2] - centre * (2 * sums[0] - first - last) + (length - 1) * centre**2
-            total += sums[0] + length * self._offset
-            squares += sums[1] + 2 * self._offset * sums[0] + length * self._offset**2
-        n_readings = self._lengths.sum()
-        mean = total / n_readings
-        variance = np.maximum(squares - n_readings * mean**2, 0) / (n_readings - 1)
+            means.append(centre + self._offset)
+        mean = np.average(means, axis=0, weights=self._lengths)
+        between = np.tensordot(self._lengths, np.square(means - mean), 1)
+        variance = np.maximum(power + between, 0) / (self._lengths.sum() - 1)
         # A baseline without variation gives no alarms, as in the chart.
         scale = np.sqrt(np.where(variance > 0, variance, np.inf))
         return mean, scale, self._corrected(products, power)
@@ -296,7 +287,6 @@ class _Process:
 
     def next_readings(self) -> Array:
         """Return the next reading of each simulated machine."""
-        assert self._residuals is not None
         if not self._left:
             last = len(self._residuals) - self._block
             self._row = self._rng.integers(last + 1, size=self._settings.n_baselines)
@@ -315,7 +305,6 @@ class _Process:
 
 
 _LONGEST = 1e12  # readings; above, the equations are singular in double precision
-LONGEST = 1e9  # readings; a limit with a longer average run length is of no use
 
 
 def ewma_run_length(weight: float, limit: float, shift: float = 0.0) -> float:
@@ -347,7 +336,7 @@ def ewma_run_length(weight: float, limit: float, shift: float = 0.0) -> float:
     nodes, weights = _nodes(-half, half, weight)
     starts = np.append(nodes, 0.0)[:, np.newaxis]
     kernel = norm.pdf((nodes - (1 - weight) * starts) / weight - shift) * weights / weight
-    return _resolved(float(1 + kernel[-1] @ _lengths(kernel[:-1])))
+    return _mean_length(kernel, np.zeros(len(starts)))
 
 
 def cusum_run_length(reference: float, limit: float, shift: float = 0.0) -> float:
@@ -378,8 +367,7 @@ def cusum_run_length(reference: float, limit: float, shift: float = 0.0) -> floa
     step = reference - shift
     kernel = norm.pdf(nodes - starts[:, np.newaxis] + step) * weights
     at_zero = norm.cdf(step - starts)  # probability that the next sum is 0
-    full = np.column_stack([kernel, at_zero])
-    return _resolved(float(_lengths(full)[-1]))
+    return _mean_length(kernel, at_zero)
 
 
 def limit_for(run_length: Callable[[float], float], arl: float, what: str) -> float:
@@ -415,13 +403,20 @@ def _nodes(
     return low + half * (nodes + 1), half * weights
 
 
-def _lengths(kernel: Array) -> NDArray[Any]:
+def _mean_length(kernel: Array, at_start: Array) -> float:
+    """Return the average run length from the start, which is the last row.
+
+    Parameters
+    ----------
+    kernel : ndarray of shape (n_nodes + 1, n_nodes)
+        Probability, by quadrature, that the next statistic is at each node.
+    at_start : ndarray of shape (n_nodes + 1,)
+        Probability that it is exactly at the start.
+    """
+    moves = np.column_stack([kernel, at_start])
     try:
-        return np.linalg.solve(np.eye(len(kernel)) - kernel, np.ones(len(kernel)))
+        length = np.linalg.solve(np.eye(len(moves)) - moves, np.ones(len(moves)))[-1]
     except np.linalg.LinAlgError:  # no alarm within double precision
-        return np.full(len(kernel), np.inf)
-
-
-def _resolved(length: float) -> float:
-    """Return a run length; infinite where the probability of an alarm is lost in rounding."""
-    return length if 0 < length < _LONGEST else np.inf
+        return np.inf
+    # The probability of an alarm may be lost in rounding.
+    return float(length) if 0 < length < _LONGEST else np.inf

@@ -110,14 +110,14 @@ def test_baselines_of_autoregressions_are_simulated_with_their_correlation():
     rng = np.random.default_rng(3)
     groups = np.repeat(np.arange(4), 30)
     series = correlated((4, 30), 0.6, rng).reshape(120, 1) + 3.0 * groups[:, np.newaxis]
-    process = _Process(series, groups, rng)
-    own = process.correlations[0]
+    process = _Process(series, groups)
+    own = process.correlations
     for shift in (0.0, -0.2):
-        moved = process.with_correlations(process.correlations + shift, np.random.default_rng(1))
-        mean, scale, found = moved.estimated_baselines()
+        process.restart(own + shift, 1)
+        mean, scale, found = process.estimated_baselines()
         assert found.shape == mean.shape == scale.shape == (500, 1)
-        assert found.mean() == pytest.approx(own + shift, abs=0.03)  # residuals have their own
-        assert found.std() == pytest.approx(np.sqrt((1 - own**2) / 120), rel=0.3)
+        assert found.mean() == pytest.approx(own[0] + shift, abs=0.03)  # residuals have their own
+        assert found.std() == pytest.approx(np.sqrt((1 - own[0] ** 2) / 120), rel=0.3)
 
 
 def test_differences_between_units_shorten_the_stated_run_length():
