@@ -112,14 +112,10 @@ class ShaftHarmonics(StrokeFeatures):
         min_revolutions: float = 0.0,
         n_jobs: int | None = None,
     ) -> None:
+        super().__init__(channels, by_direction, min_speed, min_revolutions, n_jobs)
         self.orders = orders
-        self.channels = channels
-        self.by_direction = by_direction
         self.phase = phase
         self.n_sections = n_sections
-        self.min_speed = min_speed
-        self.min_revolutions = min_revolutions
-        self.n_jobs = n_jobs
 
     def _check_own_parameters(self) -> None:
         orders = np.array(check_orders(self.orders))

@@ -85,13 +85,9 @@ class StrokeProfile(StrokeFeatures):
         min_revolutions: float = 0.0,
         n_jobs: int | None = None,
     ) -> None:
+        super().__init__(channels, by_direction, min_speed, min_revolutions, n_jobs)
         self.n_coefficients = n_coefficients
-        self.channels = channels
-        self.by_direction = by_direction
         self.basis = basis
-        self.min_speed = min_speed
-        self.min_revolutions = min_revolutions
-        self.n_jobs = n_jobs
 
     def _check_own_parameters(self) -> None:
         check_count(self.n_coefficients, "n_coefficients", at_most=MAX_COLUMNS)

@@ -99,15 +99,11 @@ class RecordingStatistics(StrokeFeatures):
         transient: float = 0.5,
         n_jobs: int | None = None,
     ) -> None:
+        super().__init__(channels, by_direction, min_speed, min_revolutions, n_jobs)
         self.statistics = statistics
-        self.channels = channels
-        self.by_direction = by_direction
-        self.min_speed = min_speed
-        self.min_revolutions = min_revolutions
         self.sections = sections
         self.section_statistics = section_statistics
         self.transient = transient
-        self.n_jobs = n_jobs
 
     def _check_own_parameters(self) -> None:
         known = (*STATISTICS, "slope")

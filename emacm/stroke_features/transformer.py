@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +29,7 @@ from emacm.recordings.inputs import (
 )
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
-from emacm.resampling.training_range import (
-    Range,
-    Statement,
-    direction_statements,
-)
-from emacm.shaft.paths import ShaftPath
+from emacm.resampling.training_range import Range, Statement, direction_statements
 
 Samples = NDArray[np.floating]
 
@@ -121,54 +116,30 @@ def cut_into_strokes(
     >>> [(s.signal.tolist(), s.direction) for s in strokes[0]], rest[0].tolist()
     ([([1.0, 2.0], 1), ([4.0, 5.0], -1)], [0.0, 3.0])
     """
+    strokes: list[list[StrokeSignal]] = [[] for _ in channels]
     if isinstance(recording, AngleRecording):
-        return StrokeSignals(_over_angle(recording, channels, min_revolutions), None)
-    paths = [
-        path
-        for path in recording.paths(min_speed=min_speed)
-        if path.length >= min_revolutions * (2 * np.pi)
-    ]
-    strokes, rest = [], []
-    for name in channels:
+        for stroke in (s for s in recording.strokes if s.revolutions >= min_revolutions):
+            signals, start = stroke.signals, stroke.start_angle  # resampled here, once
+            travel = recording.theta_s * np.arange(stroke.n_angles)
+            for found, name in zip(strokes, channels, strict=True):
+                signal = signals[recording.channels.index(name)]
+                found.append(StrokeSignal(signal, travel, start, stroke.direction, None))
+        return StrokeSignals(strokes, None)
+    paths = recording.paths(min_speed=min_speed)
+    rest = []
+    for found, name in zip(strokes, channels, strict=True):
         signal, fs = recording.signals[name], recording.fs[name]
-        ranges = [path.sample_range(fs, len(signal)) for path in paths]
-        strokes.append(
-            [
-                _over_time(signal, fs, path, *found)
-                for path, found in zip(paths, ranges, strict=True)
-            ]
-        )
         standing = np.ones(len(signal), dtype=bool)
-        for first, last in ranges:
+        for path in (p for p in paths if p.length >= min_revolutions * (2 * np.pi)):
+            first, last = path.sample_range(fs, len(signal))
             standing[first:last] = False
+            travel, start = path.travel_at(fs, first, last), path.start_angle
+            found.append(StrokeSignal(signal[first:last], travel, start, path.direction, fs))
         rest.append(signal[standing])
     return StrokeSignals(strokes, rest)
 
 
-def _over_time(signal: Samples, fs: float, path: ShaftPath, first: int, last: int) -> StrokeSignal:
-    travel = path.travel_at(fs, first, last)
-    return StrokeSignal(signal[first:last], travel, path.start_angle, path.direction, fs)
-
-
-def _over_angle(
-    recording: AngleRecording, channels: Sequence[str], min_revolutions: float
-) -> list[list[StrokeSignal]]:
-    rows = [recording.channels.index(name) for name in channels]
-    strokes: list[list[StrokeSignal]] = [[] for _ in rows]
-    for stroke in recording.strokes:
-        if stroke.revolutions < min_revolutions:
-            continue
-        signals = stroke.signals  # resampled here, once
-        travel = recording.theta_s * np.arange(stroke.n_angles)
-        for found, row in zip(strokes, rows, strict=True):
-            found.append(
-                StrokeSignal(signals[row], travel, stroke.start_angle, stroke.direction, None)
-            )
-    return strokes
-
-
 Row = Recording | AngleRecording
-Self = TypeVar("Self", bound="StrokeFeatures")
 
 WAYS = {"+": (1, "forward"), "-": (-1, "reverse")}
 MAX_COLUMNS = 10_000  # of one channel and direction; more is a mistyped parameter
@@ -177,19 +148,28 @@ MAX_COLUMNS = 10_000  # of one channel and direction; more is a mistyped paramet
 class StrokeFeatures(TransformerMixin, SavedEstimator):
     """Base class of the transformers from recordings to named feature columns.
 
-    Subclasses have the parameters `channels`, `by_direction`, `min_speed`, `min_revolutions` and
-    `n_jobs`, and implement `_check_own_parameters`, `_feature_names` and `_features`.
+    Subclasses have these and other parameters, and implement `_check_own_parameters`,
+    `_feature_names` and `_features`.
     """
 
-    channels: Sequence[str] | None
-    by_direction: bool | str
     by_direction_: bool
     _known_forward: Range | None
-    min_speed: float
-    min_revolutions: float
-    n_jobs: int | None
 
-    def fit(self: Self, X: Any, y: Any = None) -> Self:
+    def __init__(
+        self,
+        channels: Sequence[str] | None,
+        by_direction: bool | str,
+        min_speed: float,
+        min_revolutions: float,
+        n_jobs: int | None,
+    ) -> None:
+        self.channels = channels
+        self.by_direction = by_direction
+        self.min_speed = min_speed
+        self.min_revolutions = min_revolutions
+        self.n_jobs = n_jobs
+
+    def fit(self, X: Any, y: Any = None) -> Self:
         """Set the channels and the names of the columns; no feature is computed.
 
         Parameters
@@ -296,7 +276,7 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         return tags
 
     def _check_own_parameters(self) -> None:
-        raise NotImplementedError
+        """Raise if a parameter of the subclass is invalid."""
 
     def _feature_names(self) -> list[tuple[str, ...]]:
         """Return the column names without the channel, for strokes of one direction."""
