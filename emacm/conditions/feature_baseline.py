@@ -9,18 +9,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import TransformerMixin, clone
+from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_finite_table, check_real_array
-from emacm._saved import SavedEstimator
-from emacm.conditions.healthy import check_rates, find_healthy, known_conditions
+from emacm.conditions.healthy import ConditionBaseline, check_rates
 from emacm.orders.columns import OrderTable, column_names
 
 
-class FeatureBaseline(  # type: ignore[call-arg]
-    TransformerMixin, SavedEstimator, auto_wrap_output_keys=None
-):
+class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ignore[call-arg]
     """Subtract the mean features of healthy recordings, for each condition.
 
     Load, speed and the individual unit change features more than an incipient fault does. The
@@ -83,10 +80,8 @@ class FeatureBaseline(  # type: ignore[call-arg]
         healthy: Any = "normal",
         baseline_recordings: Sequence[Any] | None = None,
     ) -> None:
+        super().__init__(condition, healthy, baseline_recordings)
         self.transformer = transformer
-        self.condition = condition
-        self.healthy = healthy
-        self.baseline_recordings = baseline_recordings
 
     def fit(self, X: Any, y: ArrayLike | None = None) -> FeatureBaseline:
         """Fit the transformer, and average the features of healthy recordings.
@@ -186,13 +181,6 @@ class FeatureBaseline(  # type: ignore[call-arg]
                 inner.set_output(transform=transform)
         return self
 
-    def __sklearn_tags__(self) -> Any:
-        """Declare that X is not a 2-D table, and whether y is needed."""
-        tags = super().__sklearn_tags__()
-        tags.input_tags.two_d_array = False
-        tags.target_tags.required = not (callable(self.healthy) or hasattr(self.healthy, "keys"))
-        return tags
-
     def _fitted_table(self, X: Any, y: ArrayLike | None) -> Any:
         """Fit, and return the features of X before the subtraction."""
         if isinstance(self.transformer, type) or not hasattr(self.transformer, "fit_transform"):
@@ -200,7 +188,7 @@ class FeatureBaseline(  # type: ignore[call-arg]
                 f"transformer must be an estimator that computes a table from recordings, such as "
                 f"RecordingStatistics(); got {self.transformer!r}."
             )
-        found = find_healthy(X, y, self.condition, self.healthy, self.baseline_recordings)
+        found = self._find_healthy(X, y)
         transformer = clone(self.transformer)
         table = transformer.fit_transform(X, y)
         values = _values(table)
@@ -223,7 +211,7 @@ class FeatureBaseline(  # type: ignore[call-arg]
                 f"features. Leave FeatureBaseline out, or choose a condition that varies.",
                 stacklevel=4,
             )
-        found = known_conditions(X, self.condition, self.conditions_)
+        found = self._known_conditions(X)
         for condition, mean in self.means_.items():
             own = values[[entry == condition for entry in found]]
             if len(own) < 3:  # their scatter is not known
@@ -241,7 +229,7 @@ class FeatureBaseline(  # type: ignore[call-arg]
                 )
 
     def _difference(self, X: Any, table: Any) -> Any:
-        found = known_conditions(X, self.condition, self.conditions_)
+        found = self._known_conditions(X)
         return _like(table, _values(table) - np.array([self.means_[value] for value in found]))
 
 

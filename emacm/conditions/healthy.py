@@ -1,4 +1,4 @@
-"""Selection of the recordings of a healthy machine."""
+"""Healthy recordings of each condition, and what the baselines have in common."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import located
 from emacm.decisions.truths import label_list
-from emacm.recordings.inputs import described, entry_name, received
+from emacm.recordings.inputs import RecordingTransformer, described, entry_name, received
 from emacm.recordings.meta import (
     called,
     condition_name,
@@ -47,78 +47,74 @@ class Healthy(NamedTuple):
     rates: dict[str, float]
 
 
-def find_healthy(
-    X: Any, y: ArrayLike | None, condition: Any, healthy: Any, baseline_recordings: Any
-) -> Healthy:
-    """Return the healthy recordings of each condition.
+class ConditionBaseline(  # type: ignore[call-arg]
+    RecordingTransformer, auto_wrap_output_keys=None
+):
+    """Base of the baselines, which are learned from healthy recordings of each condition.
 
-    Parameters
-    ----------
-    X : sequence of Recording or AngleRecording
-        Recordings.
-    y : array-like of shape (n_recordings,) or None
-        Their labels; needed if `healthy` is a label.
-    condition : hashable, tuple or callable
-        As in `emacm.recordings.meta.read_meta`.
-    healthy : label, collection of labels, mapping or callable
-        As in `healthy_recordings`.
-    baseline_recordings : None or sequence of Recording
-        Further healthy recordings.
-
-    Returns
-    -------
-    Healthy
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an input is invalid, a condition in X has no healthy recording (the message gives the
-        condition), or a recording was sampled at another rate than the healthy ones.
+    Subclasses learn `conditions_`, and keep the rates of the healthy recordings in `_rates`.
     """
-    found, mask = read_meta(X, condition), healthy_recordings(X, y, healthy)
-    further = [] if baseline_recordings is None else baseline_recordings
-    if isinstance(further, str) or not isinstance(further, Sequence):
-        raise TypeError(
-            f"baseline_recordings must be None or a list of recordings, got {received(further)}"
-        )
-    if any(isinstance(recording, str) for recording in further):
-        raise ValueError(
-            f"baseline_recordings are not recordings: {further[0]!r}. Set them again to fit a "
-            f"model that was loaded from a model file."
-        )
-    with located("baseline_recordings"):
-        known = read_meta(further, condition) if further else []
-    own = [value for value, good in zip(found, mask, strict=True) if good] + known
-    rows = {
-        value: [row for row, other in enumerate(own) if other == value]
-        for value in sorted_conditions(own)
-    }
-    for value in sorted_conditions(found):
-        if value not in rows:
-            raise ValueError(
-                f"none of the {found.count(value)} recordings of "
-                f"{condition_name(condition, value)} is healthy (healthy = {healthy!r}). Add "
-                f"healthy ones to X or to baseline_recordings, or leave this condition out."
-            )
-    healthy_rows = [X[row] for row in np.flatnonzero(mask)] if are_recordings(X) else []
-    rates = common_rates([*healthy_rows, *further])
-    check_rates(X, rates)
-    with located("baseline_recordings"):
-        check_rates(further, rates)
-    return Healthy(mask, [*further], rows, rates)
 
+    conditions_: tuple[Any, ...]
+    _rates: dict[str, float]
 
-def known_conditions(X: Any, condition: Any, known: Sequence[Any]) -> list[Any]:
-    """Return the condition of each recording; raise a ValueError if it has no baseline."""
-    found = read_meta(X, condition)
-    for index, value in enumerate(found):
-        if value not in known:
-            raise ValueError(
-                f"{entry_name(X, index)} has {condition_name(condition, value)}, but there are "
-                f"healthy recordings of {list(known)} only. Fit with healthy recordings of it, in "
-                f"X or as baseline_recordings."
+    def __init__(self, condition: Any, healthy: Any, baseline_recordings: Any) -> None:
+        self.condition = condition
+        self.healthy = healthy
+        self.baseline_recordings = baseline_recordings
+
+    def __sklearn_tags__(self) -> Any:
+        """Declare that y is needed if `healthy` is a label."""
+        tags = super().__sklearn_tags__()
+        tags.target_tags.required = not (callable(self.healthy) or hasattr(self.healthy, "keys"))
+        return tags
+
+    def _find_healthy(self, X: Any, y: ArrayLike | None) -> Healthy:
+        """Return the healthy recordings of each condition; raise an error if one has none."""
+        found, mask = read_meta(X, self.condition), healthy_recordings(X, y, self.healthy)
+        further = [] if self.baseline_recordings is None else self.baseline_recordings
+        if isinstance(further, str) or not isinstance(further, Sequence):
+            raise TypeError(
+                f"baseline_recordings must be None or a list of recordings, got {received(further)}"
             )
-    return found
+        if any(isinstance(recording, str) for recording in further):
+            raise ValueError(
+                f"baseline_recordings are not recordings: {further[0]!r}. Set them again to fit a "
+                f"model that was loaded from a model file."
+            )
+        with located("baseline_recordings"):
+            known = read_meta(further, self.condition) if further else []
+        own = [value for value, good in zip(found, mask, strict=True) if good] + known
+        rows = {
+            value: [row for row, other in enumerate(own) if other == value]
+            for value in sorted_conditions(own)
+        }
+        for value in sorted_conditions(found):
+            if value not in rows:
+                raise ValueError(
+                    f"none of the {found.count(value)} recordings of "
+                    f"{condition_name(self.condition, value)} is healthy (healthy = "
+                    f"{self.healthy!r}). Add healthy ones to X or to baseline_recordings, or leave "
+                    f"this condition out."
+                )
+        healthy_rows = [X[row] for row in np.flatnonzero(mask)] if are_recordings(X) else []
+        rates = common_rates([*healthy_rows, *further])
+        check_rates(X, rates)
+        with located("baseline_recordings"):
+            check_rates(further, rates)
+        return Healthy(mask, [*further], rows, rates)
+
+    def _known_conditions(self, X: Any) -> list[Any]:
+        """Return the condition of each recording; raise a ValueError if it has no baseline."""
+        found = read_meta(X, self.condition)
+        for index, value in enumerate(found):
+            if value not in self.conditions_:
+                raise ValueError(
+                    f"{entry_name(X, index)} has {condition_name(self.condition, value)}, but "
+                    f"there are healthy recordings of {list(self.conditions_)} only. Fit with "
+                    f"healthy recordings of it, in X or as baseline_recordings."
+                )
+        return found
 
 
 def healthy_recordings(X: Any, y: ArrayLike | None, healthy: Any) -> NDArray[np.bool_]:

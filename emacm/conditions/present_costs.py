@@ -129,10 +129,8 @@ def priors_of_some(priors: Any, known: NDArray[Any], classes: NDArray[Any]) -> A
         kept = {k: p for k, p in priors.items() if k in known or k not in classes}
         total = sum(kept.values())
         return {label: prior / total for label, prior in kept.items()} if total > 0 else priors
-    values, kept_classes = np.asarray(priors), np.isin(classes, known)
-    if values.shape == (len(classes) + 1,):  # the last is that of the unknown state
-        kept_classes = np.append(kept_classes, True)
-    if values.shape != kept_classes.shape:
+    if np.shape(priors) not in {(len(classes),), (len(classes) + 1,)}:
         return priors
-    kept_values = values[kept_classes]
+    occurs = [*np.isin(classes, known), True]  # the last is that of the unknown state
+    kept_values = np.asarray(priors)[occurs[: len(priors)]]
     return kept_values / kept_values.sum() if kept_values.sum() > 0 else priors

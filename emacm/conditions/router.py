@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from sklearn import config_context, get_config
+from sklearn import get_config
 from sklearn.base import ClassifierMixin, MetaEstimatorMixin, clone, is_classifier
 from sklearn.metrics import accuracy_score
 from sklearn.utils import get_tags
@@ -172,7 +172,7 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
         names = [f"of {condition_name(self.condition, value)}" for value in conditions]
         if self.unseen == "pooled":
             groups, names = [*groups, np.arange(len(found))], [*names, "of all conditions"]
-        fit_one = partial(self._fitted, self.inner(X), y, fit_params, get_config())
+        fit_one = partial(self._fitted, self.inner(X), y, fit_params)
         fitted = run(fit_one, groups, names, n_jobs=self.n_jobs, unit="condition")
         self.__dict__.pop("pooled_", None)  # of an earlier fit
         if self.unseen == "pooled":
@@ -182,23 +182,12 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
         self.classes_ = np.unique(np.concatenate([model.classes_ for model in fitted]))
         return self
 
-    def _fitted(
-        self,
-        X: Any,
-        y: Any,
-        fit_params: Mapping[str, Any],
-        config: Mapping[str, Any],
-        rows: Rows,
-        name: str,
-    ) -> Any:
-        """Fit a clone on some recordings, with the costs and priors of their classes.
-
-        `config` is the configuration of scikit-learn in the calling thread.
-        """
+    def _fitted(self, X: Any, y: Any, fit_params: Mapping[str, Any], rows: Rows, name: str) -> Any:
+        """Fit a clone on some recordings, with the costs and priors of their classes."""
         labels, some = chosen_rows(y, rows), parameters_of_rows(fit_params, rows, len(y))
         classes = np.unique(labels)
         model = narrowed(clone(self.estimator), classes, np.unique(y))
-        with located(f"among the recordings {name}"), config_context(**config):
+        with located(f"among the recordings {name}"):
             if len(classes) < 2:
                 raise ValueError(
                     f"all {len(rows)} are of class {classes.tolist()[0]!r}; a classifier needs two "

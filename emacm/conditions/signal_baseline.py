@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, located
-from emacm.conditions.healthy import check_rates, find_healthy, known_conditions
+from emacm.conditions.healthy import ConditionBaseline, check_rates
 from emacm.recordings.digests import content_digest
-from emacm.recordings.inputs import RecordingTransformer, as_recordings, check_channels, described
+from emacm.recordings.inputs import as_recordings, check_channels, described
 from emacm.recordings.meta import condition_name
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import (
@@ -142,15 +142,18 @@ def mean_baseline(
         At angles that at least half of the recordings contain (of those with strokes in
         this direction).
     """
-    found: dict[int, list[list[GridSignals]]] = {}
-    for recording in recordings:
-        own: dict[int, list[GridSignals]] = {}
-        for stroke in recording.strokes:
-            aligned = GridStroke.of(stroke, align)
-            own.setdefault(stroke.direction, []).append(GridSignals(aligned.first, aligned.signals))
-        for direction, strokes in own.items():
-            found.setdefault(direction, []).append(strokes)
-    sections = {direction: mean_sections(found[direction]) for direction in sorted(found)}
+    strokes = [[GridStroke.of(stroke, align) for stroke in each.strokes] for each in recordings]
+    sections = {}
+    for direction in sorted({stroke.direction for own in strokes for stroke in own}):
+        found = [
+            [
+                GridSignals(stroke.first, stroke.signals)
+                for stroke in own
+                if stroke.direction == direction
+            ]
+            for own in strokes
+        ]
+        sections[direction] = mean_sections([own for own in found if own])
     return AngleBaseline(recordings[0].theta_s, align, sections, name)
 
 
@@ -286,7 +289,7 @@ def _on_grid(path: ShaftPath, theta_s: float) -> tuple[ShaftPath, int, int]:
     return replace(path, travel=moved, start_angle=moved.start_angle), first, 1
 
 
-class SignalBaseline(RecordingTransformer, auto_wrap_output_keys=None):  # type: ignore[call-arg]
+class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ignore[call-arg]
     """Subtract the mean healthy signal at each shaft angle, for each condition.
 
     Load, speed and the individual unit change the signals more than an incipient fault does. The
@@ -359,9 +362,7 @@ class SignalBaseline(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         baseline_recordings: Sequence[Any] | None = None,
         align: str = "angle",
     ) -> None:
-        self.condition = condition
-        self.healthy = healthy
-        self.baseline_recordings = baseline_recordings
+        super().__init__(condition, healthy, baseline_recordings)
         self.align = align
 
     def fit(self, X: Any, y: ArrayLike | None = None) -> SignalBaseline:
@@ -388,7 +389,7 @@ class SignalBaseline(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         """
         check_choice(self.align, "align", ("angle", "start"))
         rows = as_angle_recordings(X, "SignalBaseline")
-        found = find_healthy(rows, y, self.condition, self.healthy, self.baseline_recordings)
+        found = self._find_healthy(rows, y)
         first = rows[0]
         self._check_alike(rows, first.channels, first.theta_s)
         with located("baseline_recordings"):
@@ -430,17 +431,11 @@ class SignalBaseline(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         rows = as_angle_recordings(X, "SignalBaseline")
         self._check_alike(rows, self.channels_, self.theta_s_)
         check_rates(rows, self._rates)
-        found = known_conditions(rows, self.condition, self.conditions_)
+        found = self._known_conditions(rows)
         return [
             ResidualRecording(**row.__getstate__(), baseline=self.baselines_[condition])
             for row, condition in zip(rows, found, strict=True)
         ]
-
-    def __sklearn_tags__(self) -> Any:
-        """Declare that y is needed if `healthy` is a label."""
-        tags = super().__sklearn_tags__()
-        tags.target_tags.required = not (callable(self.healthy) or hasattr(self.healthy, "keys"))
-        return tags
 
     def _check_alike(
         self, rows: Sequence[AngleRecording], channels: Sequence[str], theta_s: float

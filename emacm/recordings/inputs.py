@@ -14,10 +14,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed, parallel_config
+from joblib import parallel_config
 from joblib.parallel import get_active_backend
 from numpy.typing import NDArray
 from sklearn.base import TransformerMixin
+from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import located_error, once_hint
