@@ -1,16 +1,18 @@
-"""Saved estimators contain the version of the package; loading another version warns.
+"""Files that are written as a whole; saved estimators, which contain the version of the package.
 
-Model files hold no DataFrame and no mapping whose keys are not texts: while one is written, costs
+Loading another version warns. Model files hold no DataFrame and no mapping whose keys are not texts: while one is written, costs
 and the like are written as lists. Recordings are replaced by their digests: a fitted baseline
-contains what was learned from them.
+contains what was learned from them. A folder of stored spectra is no part of a model.
 """
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -32,7 +34,9 @@ class SavedEstimator(BaseEstimator):
 
     def __getstate__(self) -> dict[str, Any]:
         state = {**super().__getstate__(), _KEY: __version__}
-        return {name: _written(v) for name, v in state.items()} if _as_lists.get() else state
+        if not _as_lists.get():
+            return state
+        return {name: None if name == "memory" else _written(v) for name, v in state.items()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         state = dict(state)
@@ -46,6 +50,23 @@ class SavedEstimator(BaseEstimator):
                 stacklevel=2,
             )
         super().__setstate__({name: _restored(value) for name, value in state.items()})
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """Give a path to write to, and then put this file in place of `path`: a file is never half.
+
+    If this fails, nothing is left behind, and the OSError names the file.
+    """
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        yield unfinished
+        os.replace(unfinished, path)
+    except OSError as error:
+        error.filename = str(path)
+        raise
+    finally:
+        unfinished.unlink(missing_ok=True)
 
 
 @contextmanager

@@ -1,6 +1,71 @@
 """Defects that were found in use, one test for each, so that they do not come back."""
 
+import numpy as np
+import pytest
+from sklearn.base import clone
+from sklearn.ensemble import IsolationForest
+from sklearn.linear_model import LogisticRegression
+from sklearn.pipeline import make_pipeline
+
+from emacm import (
+    CostSensitiveGaussianBayes,
+    LeastRiskClassifier,
+    NewUnitClassifier,
+    OrderPSD,
+    load_model,
+    save_model,
+)
+
 # Estimators
+
+
+BAYES, LOGISTIC = CostSensitiveGaussianBayes(), LogisticRegression()
+GROUPS = {"groups": np.arange(40) % 5}
+FITS = [
+    (CostSensitiveGaussianBayes(unknown="unknown"), GROUPS),
+    (CostSensitiveGaussianBayes(temperature="groups"), GROUPS),
+    (NewUnitClassifier(), GROUPS),
+    (LeastRiskClassifier(LOGISTIC, temperature="groups"), GROUPS),
+    (BAYES, {}),
+    (BAYES, GROUPS),
+    (LeastRiskClassifier(BAYES), {}),
+    (LeastRiskClassifier(LOGISTIC, unknown="new", detector=IsolationForest(max_samples=9)), GROUPS),
+]
+
+
+@pytest.mark.parametrize(("classifier", "options"), FITS)
+def test_a_fitted_model_is_displayed_and_completed_by_tab(classifier, options):
+    X, y = np.random.default_rng(0).normal(size=(40, 2)), np.repeat(["healthy", "worn"], 20)
+    fitted = clone(classifier).fit(X, y, **options)
+    for model in (classifier, fitted, make_pipeline(fitted)):
+        assert "predict" in dir(model)
+        assert type(classifier).__name__ in model._repr_html_()
+
+
+def test_a_model_file_does_not_state_where_spectra_are_stored(tmp_path):
+    pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
+    stored = OrderPSD(2, memory=str(tmp_path / "spectra")).fit(np.ones((3, 9)))
+    save_model(stored, tmp_path / "model")
+    assert load_model(tmp_path / "model").memory is None
+
+
+@pytest.fixture
+def full_disk():
+    """No file can grow beyond 50 bytes."""
+    resource = pytest.importorskip("resource", reason="not on Windows")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (50, limits[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+def test_a_full_disk_is_named_with_the_file_and_leaves_nothing_behind(tmp_path, full_disk):
+    pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
+    model = CostSensitiveGaussianBayes().fit([[0.0], [1.0], [5.0], [7.0]], ["a", "a", "b", "b"])
+    with pytest.raises(OSError, match="bench.emacm"):
+        save_model(model, tmp_path / "bench.emacm")
+    assert not list(tmp_path.iterdir())
+
 
 # Channels and the shaft
 

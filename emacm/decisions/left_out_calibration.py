@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_softmax
 from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted, has_fit_parameter
 
@@ -383,7 +384,7 @@ class LeftOutMixin:
         check_is_fitted(self)
         found = getattr(self._calibration, name)
         if found is None:
-            raise ValueError(
+            raise NotFittedError(  # a ValueError, and an AttributeError where it is a property
                 f"{name} is found by leaving groups out, which the last fit did not do. "
                 f"Call fit with groups=, the labels of recordings that were measured together."
             )

@@ -21,7 +21,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import located
-from emacm._saved import values_as_lists
+from emacm._saved import values_as_lists, written_whole
 from emacm._version import __version__
 from emacm.decisions.pipelines import fitted_resamplers, parts_of
 
@@ -132,9 +132,8 @@ def save_model(model: Any, path: str | os.PathLike[str], *, note: str | None = N
     about = json.dumps(_description(model, note), default=str).encode()
     body = len(about).to_bytes(8, "little") + about + stored
     content = _START + sha256(body).hexdigest().encode() + b"\n" + body
-    unfinished = file.with_name(f".{file.name}.{os.getpid()}.part")
-    unfinished.write_bytes(content)
-    os.replace(unfinished, file)
+    with written_whole(file) as unfinished:
+        unfinished.write_bytes(content)
 
 
 def load_model(path: str | os.PathLike[str]) -> Any:
