@@ -1,8 +1,9 @@
 """Files that are written as a whole; saved estimators, which contain the version of the package.
 
-Loading another version warns. Model files hold no DataFrame and no mapping whose keys are not texts: while one is written, costs
-and the like are written as lists. Recordings are replaced by their digests: a fitted baseline
-contains what was learned from them. A folder of stored spectra is no part of a model.
+Loading another version warns. Model files hold no DataFrame and no mapping whose keys are not
+texts: while one is written, costs and the like are written as lists. Recordings are replaced by
+their digests: a fitted baseline contains what was learned from them. A folder of stored spectra is
+no part of a model.
 """
 
 from __future__ import annotations
