@@ -158,22 +158,21 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
 
     def _checked_bands(self, first: Sequence[str]) -> dict[str, Any]:
         """Return the band of each channel."""
-        chosen = first if self.channels is None else chosen_channels(self.channels, first)
-        if isinstance(self.band, Mapping):
-            bands = {name: check_bands(b, f"band of {name!r}") for name, b in self.band.items()}
-        else:
-            bands = dict.fromkeys(chosen, check_bands(self.band))
-        if self.channels is not None:
-            missing = [name for name in chosen if name not in bands]
-            if missing:
-                raise ValueError(f"band names no band of channel {missing[0]!r}: {self.band!r}.")
-            bands = {name: bands[name] for name in chosen}
-        if not bands:
+        chosen = chosen_channels(self.channels, first)
+        if not isinstance(self.band, Mapping):
+            return dict.fromkeys(chosen, check_bands(self.band))
+        if not self.band:
             raise ValueError("band must name at least one channel.")
-        return bands
+        bands = {name: check_bands(b, f"band of {name!r}") for name, b in self.band.items()}
+        if self.channels is None:
+            return bands
+        missing = [name for name in chosen if name not in bands]
+        if missing:
+            raise ValueError(f"band names no band of channel {missing[0]!r}: {self.band!r}.")
+        return {name: bands[name] for name in chosen}
 
     def _detected(self, recordings: list[Recording], *, select: bool = True) -> list[Recording]:
-        options: dict[str, Any] = {"squared": bool(self.squared), "suffix": self.suffix}
+        options = bool(self.squared), self.suffix or ""
         detected = []
         for index, recording in enumerate(recordings):
             with located(partial(described, recording, index)):
@@ -183,66 +182,18 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
                     with located(f"channel {channel!r}"):
                         signal, fs = recording.series[channel], recording.fs[channel]
                         bands[channel] = kurtogram(signal, fs).band
-                detected.append(envelope_recording(recording, bands, **options))
+                detected.append(recording._derived(_envelope_content, bands, *options))
         return detected
 
 
-def envelope_recording(
-    measured: Recording,
-    bands: Mapping[str, Any],
-    *,
-    squared: bool = True,
-    suffix: str | None = None,
-) -> Recording:
-    """Return a recording with envelopes in place of channels, or in addition to them.
-
-    Its shaft and meta are those of the measured recording. The envelopes are computed when they
-    are read, and are not kept.
-
-    Parameters
-    ----------
-    measured : Recording
-        What was measured.
-    bands : mapping of str to (low, high), "full", or a list of (low, high)
-        Band of each channel whose envelope is taken [Hz]. Of several bands of a channel, each
-        envelope has its band in its name, as in "sound_500-1500Hz".
-    squared : bool
-        Squared envelopes [U²], or envelopes [U].
-    suffix : str, optional
-        Appended to the channel name to name the envelope, which is then added at the end.
-        Default: envelopes replace their channels.
-
-    Returns
-    -------
-    Recording
-
-    Raises
-    ------
-    TypeError, ValueError
-        If there is no such channel, its sampling rate is too low for its band, or a name exists
-        already. The message names the channel.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> t = np.arange(10_000) / 10_000
-    >>> run = Recording({"sound": np.sin(6000 * t)}, 10_000, velocity=np.full(10_000, 60.0))
-    >>> with_envelope = envelope_recording(run, {"sound": (500, 1500)}, suffix="_envelope")
-    >>> with_envelope.channels, round(float(with_envelope.signals["sound_envelope"][5000]), 3)
-    (('sound', 'sound_envelope'), 1.0)
-    """
-    return measured._derived(_envelope_content, dict(bands), squared, suffix)
-
-
 def _envelope_content(
-    measured: Recording, bands: Mapping[str, Any], squared: bool, suffix: str | None
+    measured: Recording, bands: Mapping[str, Any], squared: bool, suffix: str
 ) -> dict[str, Any]:
     """Return what changes in a recording of which envelopes are taken."""
-    check_channel_names(measured.channels, list(bands))
     envelopes: dict[str, dict[str, Series]] = {}
     for channel, band in bands.items():
         with located(f"channel {channel!r}"):
-            envelopes[channel] = _envelopes(measured, channel, band, squared, suffix or "")
+            envelopes[channel] = _envelopes(measured, channel, band, squared, suffix)
         for name in envelopes[channel]:
             if name in measured.channels and name != channel:
                 raise ValueError(f"it has a channel {name!r} already. Choose another suffix.")
@@ -251,8 +202,8 @@ def _envelope_content(
         found |= envelopes[name] if name in envelopes and not suffix else {name: signal}
     for added in envelopes.values():
         found |= added
-    added_fs = {name: measured.fs[c] for c, added in envelopes.items() for name in added}
-    rates = dict(measured.fs) | added_fs
+    rates = dict(measured.fs)
+    rates |= {name: rates[channel] for channel in envelopes for name in envelopes[channel]}
     return {"_series": found, "_fs": {name: rates[name] for name in found}}
 
 
@@ -274,8 +225,9 @@ def _envelopes(
 ) -> dict[str, Series]:
     """Return the envelopes of a channel by name."""
     signal, fs = measured.series[channel], measured.fs[channel]
+    found: dict[str, Series] = {}
     bands = band if isinstance(band, list) else [band_at(band, fs)]
-    found = [EnvelopeSeries(signal, fs, each, squared=squared) for each in bands]
-    for low, high in bands:
+    for name, (low, high) in zip(envelope_names(channel, band, suffix), bands, strict=True):
+        found[name] = EnvelopeSeries(signal, fs, (low, high), squared=squared)
         warn_of_long_filter(low, high, fs)
-    return dict(zip(envelope_names(channel, band, suffix), found, strict=True))
+    return found

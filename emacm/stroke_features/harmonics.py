@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_choice, check_count, check_number, check_signal
+from emacm._checks import check_choice, check_count, check_number
 from emacm.orders.columns import number_name
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
@@ -169,10 +169,8 @@ class ShaftHarmonics(StrokeFeatures):
                 f"longest stroke has {longest:.4g} revolutions. Lower n_sections, check "
                 f"min_speed, or leave the recording out."
             )
-        lines = harmonic_coefficients(
-            [stroke.angle for stroke in cut], [stroke.signal for stroke in cut], self.orders
-        )
-        return np.stack([lines.cosines, lines.sines], axis=-1)
+        angles, signals = [stroke.angle for stroke in cut], [stroke.signal for stroke in cut]
+        return harmonic_coefficients(angles, signals, self.orders).T
 
     def _row(self, row: Row) -> Array:
         values = super()._row(row)
@@ -191,21 +189,9 @@ def _relative(lines: Array, orders: Array) -> Array:
     return np.stack([turned.real, -turned.imag], axis=-1)
 
 
-class Harmonics(NamedTuple):
-    """Coefficients of cosines and sines, each of shape (n_orders,), and the length of the fit.
-
-    Coefficients are in the unit of the signal. A cosine of -2 and a sine of 0 is a line with
-    its maxima half a cycle from the zero of the shaft angle.
-    """
-
-    cosines: Array
-    sines: Array
-    revolutions: float
-
-
 def harmonic_coefficients(
-    angles: Sequence[ArrayLike], signals: Sequence[ArrayLike], orders: Sequence[float]
-) -> Harmonics:
+    angles: Sequence[ArrayLike], signals: Sequence[ArrayLike], orders: ArrayLike
+) -> Array:
     """Fit cosines and sines of the shaft angle to sections of a signal, by least squares.
 
     Parameters
@@ -214,21 +200,21 @@ def harmonic_coefficients(
         Shaft angle in each section [rad], rising or falling, evenly sampled or not.
     signals : sequence of array-like of shape (n_samples,)
         Signal at these angles, in any unit U; sections may have different lengths.
-    orders : sequence of float
+    orders : array-like of shape (n_orders,)
         Orders, in cycles per revolution.
 
     Returns
     -------
-    Harmonics
-        `cosines` and `sines` [U], of shape (n_orders,), of ``signal = level + trend * angle
-        + Σ c cos(order * angle) + s sin(order * angle)``, where each section has its own level
-        and trend; and `revolutions`, the total length of the sections.
+    ndarray of shape (2, n_orders)
+        Cosines c and sines s [U] of ``signal = level + trend * angle + Σ c cos(order * angle)
+        + s sin(order * angle)``, where each section has its own level and trend. A cosine of -2
+        and a sine of 0 is a line with its maxima half a cycle from the zero of the shaft angle.
 
     Raises
     ------
-    TypeError, ValueError
-        If the shapes do not match, an order is not positive, or the samples are too few or span
-        too little to separate the orders, the levels and the trends.
+    ValueError
+        If the shapes do not match, or the samples are too few or span too little to separate the
+        orders, the levels and the trends.
 
     Notes
     -----
@@ -241,19 +227,23 @@ def harmonic_coefficients(
     --------
     >>> angle = 2 * np.pi * np.linspace(0, 5, 500)
     >>> signal = 7 + 2 * np.cos(angle) + np.sin(angle) - np.cos(2 * angle) - 3 * np.sin(2 * angle)
-    >>> lines = harmonic_coefficients([angle], [signal], (1, 2))
-    >>> lines.cosines.round(9).tolist(), lines.sines.round(9).tolist()
-    ([2.0, -1.0], [1.0, -3.0])
+    >>> harmonic_coefficients([angle], [signal], (1, 2)).round(9).tolist()
+    [[2.0, -1.0], [1.0, -3.0]]
     """
-    chosen = np.array(check_orders(orders))
+    chosen = np.asarray(orders, dtype=np.float64)
     sections = [
         (np.asarray(angle, dtype=np.float64), np.asarray(signal, dtype=np.float64))
         for angle, signal in zip(angles, signals, strict=True)
     ]
     travels = [np.maximum.accumulate(np.abs(theta - theta[0])) for theta, _ in sections]
     turned = sum(travel[-1] for travel in travels) / (2 * np.pi)
-    n_steps = sum(len(travel) - 1 for travel in travels)
-    _check_density(n_steps, turned, chosen)
+    n_samples = sum(map(len, travels))
+    density = (n_samples - len(travels)) / turned
+    if not chosen.max() < density / 2:
+        raise ValueError(
+            f"order {chosen.max():g} is above the Nyquist order {density / 2:.4g} of "
+            f"{density:.4g} samples per revolution. Choose lower orders."
+        )
     models, targets = [], []
     for (theta, x), travel in zip(sections, travels, strict=True):
         waves = chosen[:, np.newaxis] * theta
@@ -261,16 +251,15 @@ def harmonic_coefficients(
         left = _without_trend(rows, theta, np.sqrt(np.gradient(travel)))
         models.append(left[:, :-1])
         targets.append(left[:, -1])
-    solution, _, rank, _ = np.linalg.lstsq(
-        np.concatenate(models), np.concatenate(targets), rcond=1e-9
-    )
+    model, target = np.concatenate(models), np.concatenate(targets)
+    solution, _, rank, _ = np.linalg.lstsq(model, target, rcond=1e-9)
     if rank < len(solution):
         raise ValueError(
-            f"{n_steps + len(models)} samples over {turned:.4g} revolutions do not separate the "
+            f"{n_samples} samples over {turned:.4g} revolutions do not separate the "
             f"orders {chosen.tolist()} from each other and from a trend. Use longer sections or "
             f"fewer orders."
         )
-    return Harmonics(solution[: len(chosen)], solution[len(chosen) :], float(turned))
+    return np.asarray(solution, dtype=np.float64).reshape(2, -1)
 
 
 def whole_revolutions(travel: ArrayLike, section: int = 0, n_sections: int = 1) -> slice | None:
@@ -293,7 +282,7 @@ def whole_revolutions(travel: ArrayLike, section: int = 0, n_sections: int = 1) 
     >>> whole_revolutions(2 * np.pi * np.arange(0, 5.5, 0.25))
     slice(1, 21, None)
     """
-    run = np.maximum.accumulate(check_signal(travel, "travel", min_length=1))
+    run = np.maximum.accumulate(np.asarray(travel, dtype=np.float64))
     if len(run) < 2:
         return None
     # A sample represents the angle up to the next one, so the stroke ends one step after the last.
@@ -325,20 +314,3 @@ def _without_trend(rows: Array, theta: Array, weight: Array) -> Array:
     basis = basis[:, np.abs(np.diag(size)) > 1e-9]
     weighted = rows * weight[:, np.newaxis]
     return weighted - basis @ (basis.T @ weighted)
-
-
-def _check_density(n_steps: int, revolutions: float, orders: Array) -> None:
-    """Raise if there are too few samples for the highest order, or for all orders together."""
-    if not revolutions > 0:
-        raise ValueError("the shaft does not turn, so there are no shaft-locked lines.")
-    density = n_steps / revolutions
-    if 2 * len(orders) > n_steps:
-        raise ValueError(
-            f"{len(orders)} orders have {2 * len(orders)} coefficients, but there are {n_steps} "
-            f"intervals between samples. Use fewer orders, or longer sections."
-        )
-    if not orders.max() < density / 2:
-        raise ValueError(
-            f"order {orders.max():g} is above the Nyquist order {density / 2:.4g} of "
-            f"{density:.4g} samples per revolution. Choose lower orders."
-        )

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy  # scipy.integrate is imported when it is used
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_choice, check_count
@@ -125,21 +126,13 @@ def stroke_positions(travel: ArrayLike) -> Array:
     ndarray of shape (n_samples,)
         Non-decreasing.
 
-    Raises
-    ------
-    ValueError
-        If the travel has no length.
-
     Examples
     --------
     >>> stroke_positions([2.0, 3.0, 2.9, 6.0]).tolist()
     [0.0, 0.25, 0.25, 1.0]
     """
     farthest = np.maximum.accumulate(np.asarray(travel, dtype=np.float64))
-    length = farthest[-1] - farthest[0]
-    if not length > 0:
-        raise ValueError("a stroke must have a length, but the shaft stands at all its samples.")
-    return (farthest - farthest[0]) / length
+    return (farthest - farthest[0]) / (farthest[-1] - farthest[0])
 
 
 def cosine_coefficients(position: ArrayLike, signal: ArrayLike, n_coefficients: int) -> Array:
@@ -210,8 +203,7 @@ def segment_means(position: ArrayLike, signal: ArrayLike, n_segments: int) -> Ar
     p, x = np.asarray(position, dtype=np.float64), np.asarray(signal, dtype=np.float64)
     edges = np.arange(n_segments + 1) / n_segments
     width = np.diff(p)
-    pieces = (x[..., 1:] + x[..., :-1]) / 2 * width
-    before = np.concatenate([np.zeros_like(x[..., :1]), np.cumsum(pieces, axis=-1)], axis=-1)
+    before = scipy.integrate.cumulative_trapezoid(x, p, initial=0)
     left = np.clip(np.searchsorted(p, edges, side="right") - 1, 0, len(p) - 2)
     inside = edges - p[left]
     steep = np.where(width[left] > 0, inside / np.where(width[left] > 0, width[left], 1.0), 0.0)

@@ -172,15 +172,13 @@ def _section(stroke: StrokeSignal, section: str, transient: float) -> StrokeSign
 
 def _described(strokes: Sequence[StrokeSignal], statistics: Sequence[str]) -> list[float]:
     """Pool the strokes; only the slope is computed within each."""
-    levels = [name for name in statistics if name != "slope"]
-    values: dict[str, float] = {}
-    if levels:
-        pooled = np.concatenate([stroke.signal for stroke in strokes])
-        values = dict(zip(levels, signal_statistics(pooled, levels).tolist(), strict=True))
-    if "slope" in statistics:
-        turns = [stroke.travel / (2 * np.pi) for stroke in strokes]
-        values["slope"] = common_slope([stroke.signal for stroke in strokes], turns)
-    return [values[name] for name in statistics]
+    signals = [stroke.signal for stroke in strokes]
+    turns = [stroke.travel / (2 * np.pi) for stroke in strokes]
+    pooled = np.concatenate(signals)
+    return [
+        common_slope(signals, turns) if name == "slope" else STATISTICS[name](pooled)
+        for name in statistics
+    ]
 
 
 def signal_statistics(signal: ArrayLike, statistics: Sequence[str]) -> Array:
@@ -280,10 +278,6 @@ def check_statistics(names: Any, parameter: str, known: Sequence[str]) -> tuple[
     return chosen
 
 
-def _centred(x: Array) -> Array:
-    return x - x.mean(axis=-1, keepdims=True, dtype=np.float64)
-
-
 def _rms(x: Array) -> Array:
     return np.sqrt(np.mean(np.square(x, dtype=np.float64), axis=-1))
 
@@ -308,14 +302,14 @@ def _moment(x: Array, name: str, power: int) -> Array:
         raise ValueError(
             f"the {name} of a constant signal is undefined. Leave {name!r} or the channel out."
         )
-    centred = _centred(x)
+    centred = x - x.mean(axis=-1, keepdims=True, dtype=np.float64)
     return np.mean((centred / _rms(centred)[..., np.newaxis]) ** power, axis=-1)
 
 
 STATISTICS: dict[str, Callable[..., Any]] = {
     "mean": partial(np.mean, axis=-1, dtype=np.float64),
     "rms": _rms,
-    "std": lambda x: _rms(_centred(x)),
+    "std": partial(np.std, axis=-1, dtype=np.float64),
     "peak": _peak,
     "peak_to_peak": partial(np.ptp, axis=-1),
     "crest_factor": _crest_factor,

@@ -22,8 +22,8 @@ def lines(angle, amplitude=2.0, phase=0.4):
 @pytest.mark.parametrize("angle", [EVEN, EVEN[::-1], ACCELERATING, -ACCELERATING])
 def test_lines_are_found_exactly_at_any_motion_beside_level_and_trend(angle):
     found = harmonic_coefficients([angle], [40 - 0.3 * angle + lines(angle)], (1, 2.5))
-    np.testing.assert_allclose(found.cosines, [2 * np.cos(0.4), 0], atol=1e-10)
-    np.testing.assert_allclose(found.sines, [2 * np.sin(0.4), 0.5], atol=1e-10)
+    np.testing.assert_allclose(found[0], [2 * np.cos(0.4), 0], atol=1e-10)
+    np.testing.assert_allclose(found[1], [2 * np.sin(0.4), 0.5], atol=1e-10)
 
 
 def test_over_whole_revolutions_they_are_fourier_coefficients_of_the_synchronous_average():
@@ -35,15 +35,15 @@ def test_over_whole_revolutions_they_are_fourier_coefficients_of_the_synchronous
     noise = noise - left * (left @ noise) / (left @ left)
     average = noise.reshape(5, 64).mean(axis=0)
     found = harmonic_coefficients([EVEN], [noise], (1,))
-    assert found.cosines[0] == pytest.approx(2 * np.mean(average * np.cos(EVEN[:64])), abs=1e-12)
-    assert found.sines[0] == pytest.approx(2 * np.mean(average * np.sin(EVEN[:64])), abs=1e-12)
+    assert found[0, 0] == pytest.approx(2 * np.mean(average * np.cos(EVEN[:64])), abs=1e-12)
+    assert found[1, 0] == pytest.approx(2 * np.mean(average * np.sin(EVEN[:64])), abs=1e-12)
 
 
 @pytest.mark.parametrize("other", [2, 3, 7.4])
 def test_other_orders_stay_out_over_whole_revolutions(other):
     found = harmonic_coefficients([EVEN], [5 * np.cos(other * (EVEN - EVEN.mean()))], (1,))
     # An even function about the middle has no trend; what 7.4 leaks falls with the distance.
-    size = np.hypot(found.cosines[0], found.sines[0])
+    size = np.hypot(*found[:, 0])
     assert size < (1e-12 if other == int(other) else 0.05)
 
 
@@ -56,7 +56,7 @@ def test_other_orders_stay_out_at_changing_speed_as_samples_count_by_their_angle
         5 * np.cos(3 * angle),
         rcond=None,
     )[0]
-    leaked = np.hypot(found.cosines[0], found.sines[0])
+    leaked = np.hypot(*found[:, 0])
     assert leaked < 0.02
     assert leaked < np.hypot(*plain[2:]) / 3
 
@@ -64,15 +64,15 @@ def test_other_orders_stay_out_at_changing_speed_as_samples_count_by_their_angle
 @given(st.floats(-10, 10))
 def test_turning_the_zero_of_the_shaft_turns_the_vector_and_keeps_the_amplitude(shift):
     found = harmonic_coefficients([EVEN + shift], [lines(EVEN)], (1, 2.5))
-    vector = (found.cosines + 1j * found.sines) * np.exp(-1j * shift * np.array([1, 2.5]))
+    vector = (found[0] + 1j * found[1]) * np.exp(-1j * shift * np.array([1, 2.5]))
     np.testing.assert_allclose(vector, [2 * np.exp(0.4j), 0.5j], atol=1e-9)
 
 
 @given(st.floats(-100, 100), st.floats(-100, 100))
 def test_coefficients_scale_with_the_signal_and_know_no_offset(scale, offset):
     found = harmonic_coefficients([EVEN], [scale * lines(EVEN) + offset], (1, 2.5))
-    np.testing.assert_allclose(found.cosines, scale * np.array([2 * np.cos(0.4), 0]), atol=1e-9)
-    np.testing.assert_allclose(found.sines, scale * np.array([2 * np.sin(0.4), 0.5]), atol=1e-9)
+    np.testing.assert_allclose(found[0], scale * np.array([2 * np.cos(0.4), 0]), atol=1e-9)
+    np.testing.assert_allclose(found[1], scale * np.array([2 * np.sin(0.4), 0.5]), atol=1e-9)
 
 
 def test_stretches_are_fitted_together_each_with_a_level_and_a_trend_of_its_own():
@@ -87,7 +87,7 @@ def test_stretches_are_fitted_together_each_with_a_level_and_a_trend_of_its_own(
         model[rows, 2 + 2 * k : 4 + 2 * k] = np.column_stack([np.ones_like(angle), angle])
     known = np.linalg.lstsq(model, np.concatenate(signals), rcond=None)[0]
     found = harmonic_coefficients(angles, signals, (1,))
-    np.testing.assert_allclose([found.cosines[0], found.sines[0]], known[:2], atol=1e-12)
+    np.testing.assert_allclose(found[:, 0], known[:2], atol=1e-12)
 
 
 def test_whole_revolutions_lie_in_the_middle():
@@ -120,23 +120,3 @@ def test_orders_above_half_the_samples_of_a_revolution_are_refused():
 def test_orders_that_the_angle_cannot_tell_apart_are_refused():
     with pytest.raises(ValueError, match=r"do not separate the orders .* fewer orders"):
         harmonic_coefficients([EVEN], [lines(EVEN)], (1, 1 + 1e-12))
-
-
-def test_a_shaft_that_stands_is_refused():
-    with pytest.raises(ValueError, match="does not turn"):
-        harmonic_coefficients([np.zeros(9)], [np.ones(9)], (1,))
-
-
-@pytest.mark.parametrize(
-    ("orders", "kind", "message"),
-    [
-        (1, TypeError, r"a list of numbers such as \[1, 2\], got 1"),
-        ("12", TypeError, "a list of numbers"),
-        ([], ValueError, "each order once"),
-        ([1, 1.0], ValueError, "each order once"),
-        ([0], ValueError, "an order must be a number above 0, got 0"),
-    ],
-)
-def test_what_are_no_orders_is_refused(orders, kind, message):
-    with pytest.raises(kind, match=message):
-        harmonic_coefficients([EVEN], [lines(EVEN)], orders)

@@ -154,6 +154,9 @@ def test_joined_directions_have_no_shaft_angle():
     ("parameters", "error", "message"),
     [
         ({"orders": 1}, TypeError, "orders must be a list of numbers"),
+        ({"orders": "12"}, TypeError, "orders must be a list of numbers"),
+        ({"orders": []}, ValueError, "each order once"),
+        ({"orders": [1, 1.0]}, ValueError, "each order once"),
         ({"orders": (1, -1)}, ValueError, "an order must be a number above 0, got -1"),
         ({"phase": "yes"}, ValueError, "phase must be one of 'absolute', 'relative', None"),
         ({"phase": True}, ValueError, "phase must be one of"),

@@ -91,8 +91,3 @@ def test_segments_add_up_to_the_mean():
 
 def test_positions_run_from_zero_to_one():
     np.testing.assert_array_equal(stroke_positions([5.0, 7.0, 9.0]), [0, 0.5, 1])
-
-
-def test_a_stroke_without_a_length_has_no_positions():
-    with pytest.raises(ValueError, match="must have a length"):
-        stroke_positions([3.0, 3.0, 2.0])
