@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,7 +40,7 @@ def health_trend(model: Any, recordings: Any, *, unit: Any = None, time: Any) ->
     -------
     DataFrame
         As of `HealthIndex.trend`, with the columns "recording" (path, or number in `recordings`)
-        and "error" (empty if there is none); rows with an error have no index.
+        and "error" (empty if there is none); rows with an error have no index and no alarm.
 
     Raises
     ------
@@ -64,48 +63,27 @@ def health_trend(model: Any, recordings: Any, *, unit: Any = None, time: Any) ->
     >>> health_trend(model, runs[10:], time="day")["alarm"].tolist()
     [False, False, True, True]
     """
-    index = _index_of(model)
+    if not isinstance(model, Pipeline) or not isinstance(model[-1], HealthIndex):
+        raise TypeError(
+            f"model must be a Pipeline that ends in a HealthIndex, got {type(model).__name__}."
+        )
+    index: HealthIndex = model[-1]
+    check_is_fitted(index)
     entries = as_list(recordings)
     units = ["all"] * len(entries)
     if unit is not None:
         units = read_meta(entries, unit, role="unit", arrays=True)
     times = read_meta(entries, time, role="time", arrays=True)
-    names = [getattr(entry, "path", number) for number, entry in enumerate(entries)]
-    features, errors = _features(model, entries)
-    table = pd.DataFrame({"unit": units, "time": times, "index": np.nan, "limit": np.nan})
-    table = table.assign(alarm=False, baseline="", recording=names, error=errors)
-    good = [k for k, error in enumerate(errors) if not error]
-    if good:
-        found = index.rows(np.vstack(features), [times[k] for k in good], [units[k] for k in good])
-        table.loc[good, found.columns] = found.to_numpy(object)
-    table = table.astype({"index": float, "limit": float, "alarm": bool})
-    table = table.sort_values(["unit", "time"], kind="stable", ignore_index=True)
-    table.attrs = {"false_alarm": index.false_alarm}
-    return table
-
-
-def _index_of(model: Any) -> HealthIndex:
-    if not isinstance(model, Pipeline) or not isinstance(model[-1], HealthIndex):
-        raise TypeError(
-            f"model must be a Pipeline that ends in a HealthIndex, got {type(model).__name__}."
-        )
-    check_is_fitted(model[-1])
-    return model[-1]
-
-
-def _features(model: Pipeline, entries: Sequence[Any]) -> tuple[list[Any], list[str]]:
-    """Return the features of the recordings that are valid, and the error of each."""
-    rows: list[Any] = []
-    errors: list[str] = []
-    for entry in entries:
+    values, errors = np.full(len(entries), np.nan), [""] * len(entries)
+    for k, entry in enumerate(entries):
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)
-                rows.append(np.asarray(model[:-1].transform([entry])))
-            errors.append("")
+                values[k] = index.transform(model[:-1].transform([entry]), units[k : k + 1])[0, 0]
         except Exception as error:  # whatever it is, it is the result for this recording
-            errors.append(" ".join(str(error).split()) or type(error).__name__)
-    return rows, errors
+            errors[k] = " ".join(str(error).split()) or type(error).__name__
+    names = [getattr(entry, "path", number) for number, entry in enumerate(entries)]
+    return index._trend(values, times, units, recording=names, error=errors)
 
 
 Array = NDArray[np.float64]
@@ -224,12 +202,11 @@ class HealthIndex(TransformerMixin, SavedEstimator):
             raise ValueError(f"X has no variation in any of {X.shape[1]} features{where or '.'}")
         self.units_ = tuple(known.means)
         population = blocks if own is None else own
-        found = _left_out_indices(X, own, population, _POPULATION, self.min_baseline)
+        found = [_left_out_indices(X, own, population, _POPULATION, self.min_baseline)]
         if own is not None:
             pairs = pd.Series(list(zip(own, blocks, strict=True)))
-            found += _left_out_indices(X, own, pairs, _UNIT, self.min_baseline)
-        table = pd.DataFrame(found, columns=["row", "group", "baseline", "index"])
-        self.left_out_ = table.sort_values(["baseline", "row"], ignore_index=True)
+            found.append(_left_out_indices(X, own, pairs, _UNIT, self.min_baseline))
+        self.left_out_ = pd.concat(found, ignore_index=True)
         return self
 
     def transform(self, X: Any, units: ArrayLike | None = None) -> Array:
@@ -281,15 +258,22 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         if self.false_alarm is None:
             return float("nan")
         kind = _UNIT if unit is not None and unit in self.units_ else _POPULATION
-        own = self.left_out_[self.left_out_["baseline"] == kind]
-        if own.empty:
+        left = self.left_out_[self.left_out_["baseline"] == kind].sort_values("index")
+        groups, needed = left.groupby("group")["index"], groups_needed(1 - self.false_alarm)
+        if groups.ngroups < needed:
+            what = "units or groups"
+            if kind == _UNIT:
+                what = f"groups of units with {self.min_baseline} further recordings"
             raise ValueError(
-                f"no group can be left out for the limit of the {kind}. It needs at least "
-                f"{groups_needed(1 - self.false_alarm)} groups, measured at different times (of a "
-                f"unit: with {self.min_baseline} recordings in the others); or set false_alarm to "
-                f"None for an index without limit."
+                f"a limit with a false alarm rate of {self.false_alarm:g} needs at least {needed} "
+                f"{what} that can be left out, but there are {groups.ngroups}: the smallest "
+                f"possible rate is {1 / (groups.ngroups + 1):.2g}. Raise false_alarm, fit on more "
+                f"of them, or set it to None for an index without limit."
             )
-        return _limit(own, self.false_alarm, kind)
+        # Each group counts the same, and one more is taken to be beyond all.
+        reached = np.cumsum(1 / groups.transform("size").to_numpy())
+        enough = reached >= (1 - self.false_alarm) * (groups.ngroups + 1) - 1e-9
+        return float(left["index"].to_numpy()[np.argmax(enough)])
 
     def trend(self, X: Any, times: ArrayLike, units: ArrayLike | None = None) -> pd.DataFrame:
         """Return the index of each unit over time or cycles, with its limit.
@@ -314,23 +298,26 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         ValueError
             If X, times or units are invalid, or there are too few groups for the limit.
         """
-        table = self.rows(X, times, units)
+        X, own = self._checked(X, units)
+        when = read_meta(X, times, role="times", arrays=True)
+        labels = ["all"] * len(X) if own is None else own.tolist()
+        return self._trend(self._baselines.distances(X, own), when, labels)
+
+    def _trend(
+        self, index: Array, times: list[Any], labels: list[Any], **columns: list[Any]
+    ) -> pd.DataFrame:
+        """Return the trend with further columns; an index that is not known is NaN."""
+        read_grouping(times, labels, "times", "time")  # refuses times without an order
+        known = {unit for unit, value in zip(labels, index, strict=True) if np.isfinite(value)}
+        limits = {unit: self.limit(unit) for unit in known}
+        table = pd.DataFrame({"unit": labels, "time": times, "index": index})
+        table["limit"] = [limits.get(unit, np.nan) for unit in labels]
+        table["alarm"] = table["index"] > table["limit"]
+        table["baseline"] = [_UNIT if unit in self.units_ else _POPULATION for unit in labels]
+        table = table.assign(**columns)
         table = table.sort_values(["unit", "time"], kind="stable", ignore_index=True)
         table.attrs = {"false_alarm": self.false_alarm}
         return table
-
-    def rows(self, X: Any, times: ArrayLike, units: ArrayLike | None = None) -> pd.DataFrame:
-        """Return the rows of `trend` in the order of X."""
-        X, own = self._checked(X, units)
-        when = read_meta(X, times, role="times", arrays=True)
-        read_grouping(times, X, "times", "time")  # refuses times without an order
-        labels = ["all"] * len(X) if own is None else own.tolist()
-        limits = {unit: self.limit(unit) for unit in dict.fromkeys(labels)}
-        index = self._baselines.distances(X, own)
-        limit = np.array([limits[unit] for unit in labels])
-        kinds = [_UNIT if unit in self.units_ else _POPULATION for unit in labels]
-        columns = {"unit": labels, "time": when, "index": index, "limit": limit}
-        return pd.DataFrame({**columns, "alarm": index > limit, "baseline": kinds})
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Return the name of the index, "health_index"."""
@@ -374,13 +361,9 @@ class _Baselines:
     @classmethod
     def of(cls, X: Array, units: pd.Series | None, min_baseline: int) -> _Baselines:
         """Estimate the baselines of healthy recordings."""
-        if units is None:
-            mean = X.mean(axis=0)
-            factor = _factor(X - mean, X, len(X) - 1)
-            return cls({}, mean, len(X), factor, factor)
-        codes, names = pd.factorize(units)
+        codes, names = pd.factorize(np.arange(len(X)) if units is None else units)
         counts = np.bincount(codes)
-        means = np.array([X[codes == k].mean(axis=0) for k in range(len(names))])
+        means = pd.DataFrame(X).groupby(codes).mean().to_numpy()
         mean = means.mean(axis=0)
         own = {
             name: (means[k], int(counts[k]))
@@ -392,19 +375,23 @@ class _Baselines:
 
     def distances(self, X: Array, units: pd.Series | None) -> Array:
         """Return the distance of each row per feature, shape (n_recordings,)."""
-        codes, names = np.zeros(len(X), int), [None]
-        if units is not None:
-            codes, names = pd.factorize(units)
-        found = np.empty(len(X))
+        found = _distances(X, self.mean, self.total, self.n_units)
+        if units is None:
+            return found
+        codes, names = pd.factorize(units)
         for k, unit in enumerate(names):
-            known = unit is not None and unit in self.means
-            mean, count = self.means[unit] if known else (self.mean, self.n_units)
-            factor = self.within if known else self.total
-            squares = np.sum(((X[codes == k] - mean) @ factor) ** 2, axis=1)
-            n_used = max(np.count_nonzero(factor.any(axis=1)), 1)
-            # A baseline of few recordings is itself uncertain.
-            found[codes == k] = np.sqrt(squares / n_used / (1 + 1 / count))
+            if unit in self.means:
+                mean, count = self.means[unit]
+                found[codes == k] = _distances(X[codes == k], mean, self.within, count)
         return found
+
+
+def _distances(X: Array, mean: Array, factor: Array, count: int) -> Array:
+    """Return distances per feature from a mean of `count` values."""
+    squares = np.sum(((X - mean) @ factor) ** 2, axis=1)
+    n_used = max(np.count_nonzero(factor.any(axis=1)), 1)
+    # A baseline of few recordings is itself uncertain.
+    return np.sqrt(squares / n_used / (1 + 1 / count))
 
 
 def _factor(residuals: Array, X: Array, divisor: int) -> Array:
@@ -425,34 +412,16 @@ def _factor(residuals: Array, X: Array, divisor: int) -> Array:
 
 def _left_out_indices(
     X: Array, units: pd.Series | None, labels: pd.Series, kind: str, min_baseline: int
-) -> list[tuple[int, Any, str, float]]:
+) -> pd.DataFrame:
     """Return the index of each recording by baselines without all recordings of its label."""
-    found: list[tuple[int, Any, str, float]] = []
+    values = np.full(len(X), np.nan)
     for others, rows in left_out(np.zeros(len(X), dtype=np.intp), labels, max_folds=len(X)):
         if len(others) < 2:
             continue
         rest = None if units is None else units.iloc[others]
         baselines = _Baselines.of(X[others], rest, min_baseline)
         own = units.iloc[rows] if units is not None and kind == _UNIT else None
-        if own is not None and own.iloc[0] not in baselines.means:
-            continue  # too few are left for a baseline of its own
-        values = baselines.distances(X[rows], own).tolist()
-        found += [(r, labels.iloc[r], kind, v) for r, v in zip(rows.tolist(), values, strict=True)]
-    return found
-
-
-def _limit(left_out: pd.DataFrame, false_alarm: float, kind: str) -> float:
-    """Return the quantile of left-out indices in which each group counts the same."""
-    n_groups, needed = left_out.groupby("group").ngroups, groups_needed(1 - false_alarm)
-    if n_groups < needed:
-        what = "groups of units with a baseline" if kind == _UNIT else "units or groups"
-        raise ValueError(
-            f"a limit with a false alarm rate of {false_alarm:g} needs at least {needed} {what} "
-            f"that can be left out, but there are {n_groups}: the smallest possible rate is "
-            f"{1 / (n_groups + 1):.2g}. Raise false_alarm, fit on more of them, or set it to None "
-            f"for an index without limit."
-        )
-    ordered = left_out.sort_values("index", kind="stable")
-    sizes = ordered.groupby("group")["index"].transform("size")
-    reached = np.cumsum(1 / sizes.to_numpy()) >= (1 - false_alarm) * (n_groups + 1) - 1e-9
-    return float(ordered["index"].to_numpy()[np.argmax(reached)])
+        if own is None or own.iloc[0] in baselines.means:  # else too few are left for a baseline
+            values[rows] = baselines.distances(X[rows], own)
+    table = pd.DataFrame({"row": range(len(X)), "group": labels, "baseline": kind, "index": values})
+    return table.dropna(subset="index")

@@ -73,7 +73,7 @@ def test_a_picture_is_drawn(here):
     [
         (["--false-alarm", "0.01"], "needs at least 99"),
         (["--groups", "run"], "has no meta key 'run'"),
-        (["--groups", "unit"], "no group can be left out for the limit of the unit"),
+        (["--groups", "unit"], "groups of units with 5 further recordings"),
         (["--time", "hour"], "its meta has no 'hour'"),
     ],
 )
