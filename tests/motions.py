@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from emacm.shaft.motion import strokes_of
-from emacm.shaft.paths import paths_along
+from emacm.shaft.motion import find_strokes, paths_along
 
 TURN = 2 * np.pi
 FS = 10_000.0
@@ -31,5 +30,5 @@ def turned(motion):
 
 
 def stroke_paths(angle, velocity, fs, *, min_speed=0.0, **options):
-    strokes = strokes_of(velocity, min_speed)
+    strokes = find_strokes(velocity, min_speed)
     return paths_along(angle, fs, strokes, min_speed=min_speed, **options)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,8 +22,7 @@ from emacm.resampling.angle_recording import (
     as_angle_recordings,
     check_alike,
 )
-from emacm.shaft.motion import StrokeTravel
-from emacm.shaft.paths import ShaftPath
+from emacm.shaft.motion import ShaftPath
 
 
 class GridSignals(NamedTuple):
@@ -284,9 +283,7 @@ def _on_grid(path: ShaftPath, theta_s: float) -> tuple[ShaftPath, int, int]:
     ahead = (position - first) * theta_s
     if ahead <= 1e-9 * theta_s:
         return path, first, 0
-    travel = cast(StrokeTravel, path.travel)
-    moved = travel.starting_at(path.start_angle - sign * ahead)
-    return replace(path, travel=moved, start_angle=moved.start_angle), first, 1
+    return path.starting_before(ahead), first, 1
 
 
 class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ignore[call-arg]

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from emacm.displays import _drawing, _tables
 from emacm.displays._drawing import Display
 from emacm.recordings.recording import Recording
-from emacm.shaft.motion import find_strokes
 
 # Direction of a stroke: label, grey and hatch of its background.
 _STROKES = {1: ("forward stroke", "0.93", ""), -1: ("reverse stroke", "0.85", "....")}
@@ -104,8 +103,7 @@ class RecordingDisplay(Display):
             slowest = min(*part.fs.values(), part.shaft_fs)
             start = np.ceil(between[0] * slowest - 1e-6) / slowest  # as in `Recording.cut`
             part = part.cut(*between)
-        fs, speed = part.shaft_fs, part.velocity
-        found = find_strokes(speed, min_speed=min_speed) if shade_strokes else []
+        fs, found = part.shaft_fs, part.strokes(min_speed) if shade_strokes else []
         strokes = [(start + s.start / fs, start + (s.stop - 1) / fs, s.direction) for s in found]
         return cls(part, start=start, units=units, strokes=strokes).plot(ax=ax)
 

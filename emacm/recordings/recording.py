@@ -37,13 +37,14 @@ from emacm.shaft.motion import (
     Jump,
     LazySeries,
     Series,
+    ShaftPath,
     Stroke,
+    find_strokes,
     largest_jump,
     longest_gap,
+    paths_along,
     sources,
-    strokes_of,
 )
-from emacm.shaft.paths import ShaftPath, paths_along
 
 CONTENT = ("_fs", "_meta", "_series", "_shaft", "_units", "reference", "shaft_fs")
 
@@ -265,9 +266,8 @@ class Recording:
         """Angle [rad] and velocity [rad/s] at `shaft_fs`, computed slice by slice when read."""
         if self.reference == "angle":
             return self._shaft, self._speed
-        loops = _kernels.loops
-        integrated = partial(IntegratedAngle, self._shaft, self.shaft_fs, loops)
-        return self.once(("angle", loops), integrated), self._speed
+        integrated = partial(IntegratedAngle, self._shaft, self.shaft_fs)
+        return self.once(("angle", _kernels.loops), integrated), self._speed
 
     @property
     def _speed(self) -> Series:
@@ -298,7 +298,7 @@ class Recording:
         """
         min_speed = check_number(min_speed, "min_speed", at_least=0, unit="rad/s")
         max_gap = longest_gap(max_rest, self.shaft_fs)
-        find = partial(strokes_of, self._speed, min_speed, max_gap)
+        find = partial(find_strokes, self._speed, min_speed, max_gap)
         return self.once(("strokes", min_speed, max_gap), find)
 
     def once(self, name: Hashable, compute: Callable[[], Any]) -> Any:

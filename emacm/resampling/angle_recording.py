@@ -23,8 +23,7 @@ from emacm.recordings.inputs import (
 )
 from emacm.recordings.recording import Recording
 from emacm.resampling.spreading import spread_rows
-from emacm.shaft.motion import Series, parts
-from emacm.shaft.paths import ShaftPath
+from emacm.shaft.motion import Series, ShaftPath
 
 INTERPOLATIONS = ("linear", "cubic")
 
@@ -314,7 +313,7 @@ def interpolated(
     # a spline needs ten times the memory of its samples.
     at_once = loops.BLOCKS.interpolated // (1 if interpolation == "linear" else 4)
     at_once = max(2, int(at_once / max(1.0, path.fastest / (fs * theta_s))))
-    for start, stop in parts(first, last - 1, at_once):
+    for start, stop in _parts(first, last - 1, at_once):
         stop += 1  # the sample that the next part begins with
         travel = path.travel_at(fs, start, stop)
         # A shaft that stands or shivers repeats angles; what counts is when it passes them for
@@ -335,6 +334,19 @@ def interpolated(
                 value[:] = _spline(row, start, stop, indices)
         yield values
         done = end
+
+
+def _parts(start: int, stop: int, at_most: int) -> Iterator[tuple[int, int]]:
+    """Divide a range into as few parts as possible, of about equal length; yield their ends.
+
+    Examples
+    --------
+    >>> list(_parts(0, 10, 4))
+    [(0, 3), (3, 6), (6, 10)]
+    """
+    count = max(0, -((start - stop) // at_most))
+    for k in range(count):
+        yield start + k * (stop - start) // count, start + (k + 1) * (stop - start) // count
 
 
 def _spline(

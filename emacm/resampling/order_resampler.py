@@ -42,8 +42,7 @@ from emacm.resampling.training_range import (
     training_range,
     training_units,
 )
-from emacm.shaft.motion import longest_gap
-from emacm.shaft.paths import DIRECTIONS
+from emacm.shaft.motion import DIRECTIONS, longest_gap
 
 
 def check_angle_step(theta_s: Any) -> float:
@@ -327,7 +326,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         check_angle_step(self.theta_s)
         check_choice(self.interpolation, "interpolation", INTERPOLATIONS)
         check_choice(self.antialias, "antialias", (True, False))
-        check_choice(self.direction, "direction", DIRECTIONS)
+        check_choice(self.direction, "direction", tuple(DIRECTIONS))
         check_number(self.min_speed, "min_speed", at_least=0, unit="rad/s")
         longest_gap(self.max_rest, 1.0)
         check_number(self.ratio, "ratio", at_least=1e-6, at_most=1e6)

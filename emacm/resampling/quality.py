@@ -18,8 +18,7 @@ from scipy.ndimage import maximum_filter1d
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording, jump_warning
 from emacm.resampling.spreading import DESIGN
-from emacm.shaft.motion import LazySeries, Series, blocks
-from emacm.shaft.paths import ShaftPath
+from emacm.shaft.motion import LazySeries, Series, ShaftPath, blocks
 
 Array = NDArray[np.float64]
 

@@ -32,8 +32,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from emacm import _kernels
-from emacm.shaft.motion import Series
-from emacm.shaft.paths import ShaftPath
+from emacm.shaft.motion import Series, ShaftPath
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Angle, velocity and travel of a shaft, computed slice by slice from what was measured.
+"""Angle, velocity, strokes and travel of a shaft, computed slice by slice from what was measured.
 
 One hour at 48 kHz would take 1.4 GB as an array of angles. The classes below behave like such
 arrays, but keep only the angle at every 256th sample and compute a slice when it is read.
@@ -6,18 +6,20 @@ arrays, but keep only the angle at every 256th sample and compute a slice when i
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterator, Sequence
-from types import ModuleType
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from emacm import _kernels
-from emacm._checks import check_number, check_signal
+from emacm._checks import check_choice, check_number
 
+# Directions of the strokes that are resampled; "travel" joins all of them.
+DIRECTIONS = {"strokes": (1, -1), "forward": (1,), "reverse": (-1,), "travel": (0,)}
 BLOCK = 1 << 17  # samples that are read at once
 _STRIDE = 256  # samples between two kept angles
 
@@ -99,27 +101,22 @@ class IntegratedAngle(LazySeries):
         Shaft velocity [rad/s].
     fs : float
         Its sampling rate [Hz].
-    loops : module, optional
-        The inner loops. Default: `emacm._kernels.loops`.
 
     Notes
     -----
     Chirico, Eq. (2.9), with the parentheses that are missing there; accumulated in float64.
     """
 
-    def __init__(
-        self, velocity: NDArray[np.floating], fs: float, loops: ModuleType | None = None
-    ) -> None:
+    def __init__(self, velocity: NDArray[np.floating], fs: float) -> None:
         super().__init__(len(velocity))
-        loops = loops or _kernels.loops
-        self._integrate = loops.integrate
+        self._integrate = _kernels.loops.integrate
         self._half_step = 0.5 / fs
         self._velocity = velocity.view()
         self._velocity.flags.writeable = False  # so that one kind of array is compiled for
         self._known, self._lowest, self._highest = np.empty((3, -(-len(velocity) // _STRIDE)))
         found = self._known, self._lowest, self._highest
         velocity = np.ascontiguousarray(self._velocity)
-        loops.set_checkpoints(velocity, self._half_step, _STRIDE, *found)
+        _kernels.loops.set_checkpoints(velocity, self._half_step, _STRIDE, *found)
 
     def speed_limit(self, start: int, stop: int) -> float:
         """Return the highest speed from sample `start` to `stop` (exclusive) [rad/s]."""
@@ -164,59 +161,33 @@ class DifferentiatedVelocity(LazySeries):
         return velocity[start - low : stop - low]
 
 
-class StrokeTravel(LazySeries):
-    """Angle travelled along one stroke.
+class ScaledTravel(LazySeries):
+    """A part of an angle or a travel, counted from another angle and scaled.
 
     Parameters
     ----------
     angle : Series
-        Cumulative shaft angle [rad].
-    stroke : Stroke
-        First sample, last sample and direction.
-    monotonic : bool
-        Whether the angle is known never to reverse.
-    start_angle : float, optional
-        Shaft angle at the first sample [rad], where it is not read any more.
-
-    Attributes
-    ----------
-    known : dict of str to float
-        Attributes of a `ShaftPath` that are known without reading the travel.
+        Cumulative angle [rad].
+    start, stop : int
+        First sample, and last + 1.
+    origin : float
+        Angle that is subtracted [rad].
+    scale : float
+        Factor: the direction of a stroke, or the ratio of a gear.
     """
 
-    known: dict[str, Any]
-
     def __init__(
-        self, angle: Series, stroke: Stroke, *, monotonic: bool, start_angle: float | None = None
+        self, angle: Series, start: int, stop: int, *, origin: float = 0.0, scale: float = 1.0
     ) -> None:
-        super().__init__(stroke.stop - stroke.start)
-        self.start_angle = float(angle[stroke.start]) if start_angle is None else start_angle
-        self._angle, self._stroke = angle, stroke
-        self.known = {
-            "n_times": self._length,
-            "length": float(self.read(self._length - 1, self._length)[0]),
-        }
-        if isinstance(angle, IntegratedAngle):
-            self.known["fastest"] = angle.speed_limit(stroke.start, stroke.stop)
-        if monotonic:
-            self.known["max_reversal"] = 0.0
-
-    def starting_at(self, angle: float) -> StrokeTravel:
-        """Return the travel since another shaft angle [rad], at the same times."""
-        moved = copy.copy(self)
-        moved.start_angle = angle
-        moved.known = self.known | {"length": float(moved[self._length - 1])}
-        return moved
+        super().__init__(stop - start)
+        self._angle, self._start, self._origin, self._scale = angle, start, origin, scale
 
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
-        """Return the travel at samples `start` to `stop` (exclusive) of the stroke [rad]."""
-        angle, first = self._angle, self._stroke.start
-        start, stop = first + start, first + stop
-        part = angle.read(start, stop) if isinstance(angle, LazySeries) else angle[start:stop]
-        travel = np.asarray(part, np.float64)
-        if self.start_angle:
-            travel = travel - self.start_angle
-        return travel if self._stroke.direction > 0 else -travel
+        """Return the travel at samples `start` to `stop` (exclusive) of the part [rad]."""
+        travel = np.asarray(self._angle[self._start + start : self._start + stop], np.float64)
+        if self._origin:
+            travel = travel - self._origin
+        return travel if self._scale == 1 else self._scale * travel
 
 
 class JoinedTravel(LazySeries):
@@ -254,56 +225,215 @@ class JoinedTravel(LazySeries):
         return np.where(index < self._stops[stroke], moved, self._after[stroke])
 
 
-class GearedTravel(LazySeries):
-    """Angle travelled by another shaft, which a gear or a belt connects to the measured one.
-
-    Parameters
-    ----------
-    travel : Series
-        Angle travelled by the measured shaft [rad].
-    ratio : float
-        Revolutions of the other shaft per revolution of the measured one.
+@dataclass(frozen=True, eq=False)
+class ShaftPath:
+    """Travel of the shaft over time: the angle covered since the start of the path.
 
     Attributes
     ----------
-    known : dict of str to float
-        Attributes of a `ShaftPath` that are known without reading the travel.
+    travel : ndarray of shape (n_times,), or LazySeries
+        Angle covered since the start of the path [rad], from 0 upwards.
+    fs : float
+        Sampling rate of `travel` [Hz].
+    start_time : float
+        Time of its first sample [s].
+    start_angle : float
+        Shaft angle at that time [rad].
+    direction : {1, -1, 0}
+        Forward, reverse, or 0 for a path that joins both.
+    speed_limit, reversal : float or None
+        `fastest` and `max_reversal`, where they are known without reading the travel.
     """
 
-    def __init__(self, travel: Series, ratio: float) -> None:
-        super().__init__(len(travel))
-        self._travel, self._ratio = travel, ratio
-        known = getattr(travel, "known", {})
-        self.known = {name: x if name == "n_times" else ratio * x for name, x in known.items()}
+    travel: Series
+    fs: float
+    start_time: float
+    start_angle: float
+    direction: int
+    speed_limit: float | None = None
+    reversal: float | None = None
 
-    def read(self, start: int, stop: int) -> NDArray[np.floating]:
-        """Return the travel at samples `start` to `stop` (exclusive) [rad]."""
-        return self._ratio * np.asarray(self._travel[start:stop], np.float64)
+    @cached_property
+    def n_times(self) -> int:
+        """Return the number of samples of `travel`."""
+        return len(self.travel)
+
+    @cached_property
+    def length(self) -> float:
+        """Angle from start to end [rad]."""
+        return float(self.travel[self.n_times - 1])
+
+    @property
+    def fastest(self) -> float:
+        """Highest speed along the path, or a little more [rad/s]."""
+        return self._extremes[0] * self.fs if self.speed_limit is None else self.speed_limit
+
+    @property
+    def max_reversal(self) -> float:
+        """Largest angle by which the shaft reverses on its way [rad]; 0 if it never does."""
+        return self._extremes[2] if self.reversal is None else self.reversal
+
+    def geared(self, ratio: float) -> ShaftPath:
+        """Return the travel of a shaft that turns `ratio` times as far."""
+        if ratio == 1:
+            return self
+        travel = ScaledTravel(self.travel, 0, self.n_times, scale=ratio)
+        known = ratio * self.start_angle, self.direction, ratio * self.fastest
+        return ShaftPath(travel, self.fs, self.start_time, *known, ratio * self.max_reversal)
+
+    def starting_before(self, angle: float) -> ShaftPath:
+        """Return the travel since an angle [rad] before the start, at the same times."""
+        travel = ScaledTravel(self.travel, 0, self.n_times, origin=-angle)
+        return replace(self, travel=travel, start_angle=self.start_angle - self.direction * angle)
+
+    def largest_step(self) -> tuple[float, int]:
+        """Return the largest angle between two samples [rad], and the number of the first."""
+        return self._extremes[:2]
+
+    @cached_property
+    def _extremes(self) -> tuple[float, int, float]:
+        """Largest step [rad], number of its first sample, and largest reversal [rad]."""
+        largest, place, farthest, reversal = -1.0, 0, 0.0, 0.0
+        last: NDArray[np.floating] = np.empty(0)
+        for first, travel in blocks(self.travel):
+            steps = np.abs(np.diff(travel, prepend=last))
+            if len(steps) and steps.max() > largest:
+                largest, place = float(steps.max()), first - len(last) + int(steps.argmax())
+            reached = np.maximum(np.maximum.accumulate(travel), farthest)
+            reversal = max(reversal, float(np.max(reached - travel)))
+            farthest, last = float(reached[-1]), travel[-1:]
+        return largest, place, reversal
+
+    def count(self, theta_s: float) -> int:
+        """Return the number of samples `theta_s` [rad] apart on the path, its start included."""
+        count = self.length / theta_s + 1e-9
+        if count > 1 << 31:  # more than memory holds
+            raise ValueError(
+                f"theta_s = {theta_s:g} rad would make {count:.3g} samples of a stroke of "
+                f"{self.length / (2 * np.pi):.3g} revolutions. It is the angle between samples, "
+                f"such as 2 * np.pi / 128."
+            )
+        return int(count) + 1
+
+    def sample_range(self, fs: float, n_times: int) -> tuple[int, int]:
+        """Return first and last + 1 of the samples of a channel that lie on the path, at least two.
+
+        The channel has `n_times` samples at the rate `fs` [Hz].
+        """
+        end_time = self.start_time + (self.n_times - 1) / self.fs
+        first = int(np.ceil(self.start_time * fs - 1e-6))
+        last = min(n_times, int(np.floor(end_time * fs + 1e-6)) + 1)
+        if last - first < 2:
+            # Shorter than a sampling interval: take the two samples around it.
+            first = max(0, min(first, n_times - 2))
+            last = first + 2
+        return first, last
+
+    def travel_at(self, fs: float, start: int, stop: int) -> NDArray[np.floating]:
+        """Return the travel at times `start` / fs to `stop` / fs (exclusive) [rad].
+
+        Between the samples of the shaft, it is the cubic through the four samples around.
+        """
+        last = self.n_times - 1
+        offset, factor = self.start_time * fs, round(fs / self.fs)
+        shift = round(offset)
+        if fs != factor * self.fs or abs(offset - shift) > 1e-6:
+            return self._cubic(fs, start, stop)
+        if factor == 1 and start >= shift and stop - 1 - shift <= last:
+            return self.travel[start - shift : stop - shift]
+        # In between, the cubics of all intervals are evaluated at the same places.
+        low = min(max(start, shift + factor), stop)
+        high = max(min(stop, shift + (last - 1) * factor), low)
+        parts = [
+            self._cubic(fs, start, low),
+            self._denser(factor, low - shift, high - shift),
+            self._cubic(fs, high, stop),
+        ]
+        return np.concatenate(parts)
+
+    def _cubic(self, fs: float, start: int, stop: int) -> NDArray[np.floating]:
+        """Return the travel at any times, by the cubic through the four samples around each."""
+        if start >= stop:
+            return np.empty(0)
+        last = self.n_times - 1
+        position = (np.arange(start, stop) / fs - self.start_time) * self.fs
+        position = np.clip(position, 0, last)
+        nearest = np.rint(position)
+        position = np.where(np.abs(position - nearest) < 1e-6, nearest, position)
+        if last < 3:
+            return np.interp(position, np.arange(last + 1), self.travel[:])
+        left = np.clip(position.astype(np.intp), 1, last - 2)
+        low = int(left[0]) - 1
+        near = self.travel[low : int(left[-1]) + 3]
+        weights = _lagrange(position - left)
+        return sum(weight * near[left - low + k] for k, weight in enumerate(weights, start=-1))
+
+    def _denser(self, factor: int, start: int, stop: int) -> NDArray[np.floating]:
+        """Return the travel at `factor` places in each interval, from place `start` to `stop`."""
+        if start >= stop:
+            return np.empty(0)
+        first, last = start // factor, (stop - 1) // factor
+        near, count = self.travel[first - 1 : last + 3], last - first + 1
+        travel = np.empty((count, factor))
+        for place in range(factor):
+            weights = _lagrange(np.float64(place / factor))
+            travel[:, place] = sum(w * near[k : k + count] for k, w in enumerate(weights))
+        return travel.ravel()[start - first * factor : stop - first * factor]
 
 
-def parts(start: int, stop: int, at_most: int) -> Iterator[tuple[int, int]]:
-    """Divide a range into as few parts as possible, of about equal length.
+def paths_along(
+    angle: Series,
+    fs: float,
+    strokes: Sequence[Stroke],
+    direction: str = "strokes",
+    min_speed: float = 0.0,
+) -> list[ShaftPath]:
+    """Return the paths along which signals are resampled.
 
     Parameters
     ----------
-    start, stop : int
-        The range.
-    at_most : int
-        Largest length of a part.
+    angle : ndarray of shape (n_times,), or LazySeries
+        Cumulative shaft angle [rad].
+    fs : float
+        Its sampling rate [Hz].
+    strokes : sequence of Stroke
+        As `find_strokes` returns them for `min_speed`.
+    direction : {"strokes", "forward", "reverse", "travel"}
+        Each stroke separately, those of one direction, or one path over the
+        integral of the speed in either direction.
+    min_speed : float
+        Speed up to which the shaft counts as standing still [rad/s].
 
-    Yields
-    ------
-    first, last : int
-        First index of the part, and last + 1.
-
-    Examples
-    --------
-    >>> list(parts(0, 10, 4))
-    [(0, 3), (3, 6), (6, 10)]
+    Returns
+    -------
+    list of ShaftPath
+        Strokes of a single sample, which have no length, are left out.
     """
-    count = max(0, -((start - stop) // at_most))
-    for k in range(count):
-        yield start + k * (stop - start) // count, start + (k + 1) * (stop - start) // count
+    check_choice(direction, "direction", tuple(DIRECTIONS))
+    paths = []
+    if direction == "travel" and strokes:
+        start = strokes[0].start
+        travel = JoinedTravel(angle, strokes)
+        paths.append(ShaftPath(travel, fs, start / fs, float(angle[start]), 0))
+    # The integral of a velocity that never changes its sign never reverses.
+    reversal = 0.0 if min_speed == 0 and isinstance(angle, IntegratedAngle) else None
+    for start, stop, sign in strokes:
+        if sign in DIRECTIONS[direction] and stop - start > 1:
+            origin = float(angle[start])
+            part = ScaledTravel(angle, start, stop, origin=origin, scale=sign)
+            limit = angle.speed_limit(start, stop) if isinstance(angle, IntegratedAngle) else None
+            paths.append(ShaftPath(part, fs, start / fs, origin, sign, limit, reversal))
+    return [path for path in paths if path.length > 0]
+
+
+def _lagrange(u: Any) -> tuple[Any, Any, Any, Any]:
+    """Return the weights of the samples at -1, 0, 1 and 2 in the cubic through them, at `u`."""
+    return (
+        -u * (u - 1) * (u - 2) / 6,
+        (u + 1) * (u - 1) * (u - 2) / 2,
+        -(u + 1) * u * (u - 2) / 2,
+        (u + 1) * u * (u - 1) / 6,
+    )
 
 
 def blocks(series: Series) -> Iterator[tuple[int, Any]]:
@@ -317,66 +447,23 @@ def sources(series: Series) -> list[NDArray[Any]]:
     return series.sources if isinstance(series, LazySeries) else [np.asarray(series)]
 
 
-def find_strokes(velocity: ArrayLike, *, min_speed: float = 0.0) -> list[Stroke]:
-    """Find the sections in which the shaft turns in one direction.
-
-    A stroke is cut only where the direction changes. Samples at or below
-    `min_speed` between two sections of the same direction remain in it; at its ends,
-    or between opposite directions, they belong to no stroke. So neither noise
-    at standstill nor a pause of one sample creates strokes.
-
-    Parameters
-    ----------
-    velocity : array-like of shape (n_times,)
-        Shaft velocity [rad/s], signed.
-    min_speed : float
-        Speed up to which the shaft counts as standing still [rad/s].
-
-    Returns
-    -------
-    list of Stroke
-        In order of time; empty if the shaft never turns.
-
-    Raises
-    ------
-    ValueError
-        If `velocity` is not finite or `min_speed` is negative.
-
-    Examples
-    --------
-    >>> find_strokes([0.0, 2.0, 0.0, 2.0, 0.0, -1.0, -1.0])
-    [Stroke(start=1, stop=4, direction=1), Stroke(start=5, stop=7, direction=-1)]
-    """
-    speed: Series = check_signal(velocity, "velocity", min_length=1)
-    return strokes_of(speed, check_number(min_speed, "min_speed", at_least=0, unit="rad/s"))
-
-
 def longest_gap(max_rest: float | None, fs: float) -> float:
     """Return the most samples from one in which the shaft turns to the next of the same stroke.
 
-    Parameters
-    ----------
-    max_rest : float or None
-        Longest time at standstill that does not end a stroke [s]; None for any.
-    fs : float
-        Sampling rate of the shaft reference [Hz].
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    TypeError, ValueError
-        If `max_rest` is not a number of at least 0.
+    `max_rest` is the longest time at standstill that does not end a stroke [s], None for any.
     """
     if max_rest is None:
         return np.inf
     return check_number(max_rest, "max_rest", at_least=0, unit="s") * fs + 1
 
 
-def strokes_of(velocity: Series, min_speed: float, max_gap: float = np.inf) -> list[Stroke]:
-    """Find strokes as `find_strokes` does, block by block and without checks.
+def find_strokes(velocity: Series, min_speed: float = 0.0, max_gap: float = np.inf) -> list[Stroke]:
+    """Find the sections in which the shaft turns in one direction.
+
+    A stroke is cut only where the direction changes. Samples at or below
+    `min_speed` between two sections of the same direction remain in it; at its ends,
+    or between opposite directions, they belong to no stroke. So neither noise
+    at standstill nor a pause of one sample creates strokes.
 
     Parameters
     ----------
@@ -390,6 +477,12 @@ def strokes_of(velocity: Series, min_speed: float, max_gap: float = np.inf) -> l
     Returns
     -------
     list of Stroke
+        In order of time; empty if the shaft never turns.
+
+    Examples
+    --------
+    >>> find_strokes(np.array([0.0, 2.0, 0.0, 2.0, 0.0, -1.0, -1.0]))
+    [Stroke(start=1, stop=4, direction=1), Stroke(start=5, stop=7, direction=-1)]
     """
     strokes: list[Stroke] = []
     for first, block in blocks(velocity):
@@ -404,18 +497,9 @@ def extend_strokes(
     min_speed: float,
     max_gap: float = np.inf,
 ) -> None:
-    """Extend strokes, the last of which may still go on, by the next samples.
+    """Extend strokes in place, the last of which may still go on, by the samples from `first` on.
 
-    Parameters
-    ----------
-    strokes : list of Stroke
-        Those of the samples before; changed in place.
-    first : int
-        Number of the first of the next samples.
-    velocity : ndarray of shape (n_times,)
-        Finite shaft velocity [rad/s], signed.
-    min_speed, max_gap : float
-        As for `strokes_of`.
+    The other parameters are those of `find_strokes`.
     """
     for start, stop, sign in _sections(velocity, min_speed, max_gap):
         last = strokes[-1] if strokes else None
@@ -439,15 +523,7 @@ def _sections(
 
 
 class Jump(NamedTuple):
-    """An isolated jump of the shaft angle.
-
-    Attributes
-    ----------
-    sample : int
-        Number of the sample of the shaft reference.
-    angle : float
-        Size of the jump [rad].
-    """
+    """An isolated jump of the shaft angle: sample of the shaft reference, and size [rad]."""
 
     sample: int
     angle: float
@@ -463,7 +539,7 @@ def largest_jump(
     above_median: float = 10.0,
     above_mean: float = 4.0,
 ) -> Jump | None:
-    """Return the largest isolated jump of the shaft angle.
+    """Return the largest isolated jump of the shaft angle, or None.
 
     A jump is a section of at most three samples with a speed of more than six times the highest
     speed in the eleven samples on either side, and more than ten times the median speed. No shaft
@@ -482,11 +558,6 @@ def largest_jump(
     above_neighbours, above_median, above_mean : float
         Multiples of the highest speed near by, of the median speed while turning (more than a count
         of an encoder) and of the mean speed; where no speed is above the last, there is no jump.
-
-    Returns
-    -------
-    Jump or None
-        None if there is none.
 
     Examples
     --------

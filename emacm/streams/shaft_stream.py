@@ -12,12 +12,12 @@ from emacm import _kernels
 from emacm.shaft.motion import (
     DifferentiatedVelocity,
     LazySeries,
+    ScaledTravel,
+    ShaftPath,
     Stroke,
-    StrokeTravel,
     extend_strokes,
     longest_gap,
 )
-from emacm.shaft.paths import ShaftPath
 from emacm.streams.packed_state import Resumable
 
 
@@ -207,10 +207,10 @@ class ShaftStream:
     def path(self, growing: GrowingStroke, ratio: float) -> ShaftPath:
         """Return the travel along a stroke up to now, of the shaft of interest."""
         stroke, start_angle = growing.stroke, growing.start_angle
-        travel = StrokeTravel(self.angle, stroke, monotonic=True, start_angle=start_angle)
-        travel.known |= {"fastest": self.fastest(growing), "max_reversal": growing.reversal}
-        start_time = stroke.start / self.fs
-        path = ShaftPath(travel, self.fs, start_time, start_angle, stroke.direction)
+        start, stop, sign = stroke
+        travel = ScaledTravel(self.angle, start, stop, origin=start_angle, scale=sign)
+        known = self.fastest(growing), growing.reversal
+        path = ShaftPath(travel, self.fs, start / self.fs, start_angle, sign, *known)
         return path.geared(ratio)
 
     def count(self, growing: GrowingStroke, theta_s: float) -> int:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from emacm.orders.segment_plan import SectionCutter, SegmentPlan
 from emacm.resampling.quality import Quality
 from emacm.resampling.spreading import DESIGN, Spreading, upsampling
-from emacm.shaft.paths import ShaftPath
+from emacm.shaft.motion import DIRECTIONS, ShaftPath
 from emacm.streams.packed_state import Resumable
 from emacm.streams.shaft_stream import GrowingStroke, HeldRows, HeldSeries, ShaftStream
 
@@ -74,8 +74,6 @@ class StreamQuality(Resumable):
         ordered_rates = {name: rates[name] for name in names}
         return Quality(row, ordered_rates, ordered, {}, (), False, share)
 
-
-_SIGNS = {"strokes": (1, -1), "forward": (1,), "reverse": (-1,)}
 
 Powers = NDArray[np.floating]
 
@@ -336,7 +334,11 @@ class SpectrumStream:
             self._advance(growing, streams, ended=ended)
         done = [s.complete and not g for s, g in zip(shaft.strokes, self._streams, strict=True)]
         for stroke, gone in zip(shaft.strokes, done, strict=True):
-            if gone and stroke.length > 0 and stroke.stroke.direction in _SIGNS[settings.direction]:
+            if (
+                gone
+                and stroke.length > 0
+                and stroke.stroke.direction in DIRECTIONS[settings.direction]
+            ):
                 speeds = settings.ratio * stroke.lowest, settings.ratio * stroke.highest
                 turned = settings.ratio * stroke.length
                 self.quality.add_stroke(turned, *speeds, stroke.stroke.direction)
@@ -348,7 +350,7 @@ class SpectrumStream:
         self, growing: GrowingStroke, streams: dict[int, StrokeStream], *, ended: bool
     ) -> None:
         settings, stroke = self._settings, growing.stroke
-        if stroke.direction not in _SIGNS[settings.direction]:
+        if stroke.direction not in DIRECTIONS[settings.direction]:
             streams.clear()
             return
         if growing.complete:

@@ -14,7 +14,7 @@ import emacm.resampling.angle_recording
 from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
 from emacm._kernels import using
 from emacm.resampling.spreading import spread_rows
-from emacm.shaft.paths import ShaftPath
+from emacm.shaft.motion import ShaftPath
 
 FS = 1000
 THETA_S = 2 * np.pi / 32

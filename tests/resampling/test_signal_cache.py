@@ -77,13 +77,13 @@ def count(monkeypatch):
 def found(monkeypatch):
     """How often strokes were searched for."""
     calls = []
-    original = emacm.recordings.recording.strokes_of
+    original = emacm.recordings.recording.find_strokes
 
     def counted(*args):
         calls.append(args[1])
         return original(*args)
 
-    monkeypatch.setattr(emacm.recordings.recording, "strokes_of", counted)
+    monkeypatch.setattr(emacm.recordings.recording, "find_strokes", counted)
     return calls
 
 

@@ -18,7 +18,7 @@ from emacm._kernels import using
 from emacm.orders.welch import order_psd
 from emacm.resampling.angle_recording import interpolated
 from emacm.resampling.spreading import DESIGN, spread_rows
-from emacm.shaft.paths import ShaftPath
+from emacm.shaft.motion import ShaftPath
 
 TURN = 2 * np.pi
 THETA_S = TURN / 128  # orders up to 64, flat up to 49.92
