@@ -34,7 +34,7 @@ from emacm.simulation.laboratory import (
     warmth,
 )
 from emacm.simulation.mechanics import bench_motion, rod_position
-from emacm.simulation.waves import Array, OrderWaves
+from emacm.simulation.waves import Array
 
 
 class BenchTruth(NamedTuple):
@@ -48,8 +48,6 @@ class BenchTruth(NamedTuple):
         Times [s]; the recording starts at 0.
     torques : Torques
         Torques and motion of the shaft.
-    waves : OrderWaves
-        Waves over the shaft angle.
     force : ndarray of shape (n_times,)
         Load against positive motion [lbf].
     position : ndarray of shape (n_times,)
@@ -69,7 +67,6 @@ class BenchTruth(NamedTuple):
     actuator: Actuator
     times: Array
     torques: motor.Torques
-    waves: OrderWaves
     force: Array
     position: Array
     currents: Array
@@ -221,7 +218,7 @@ class LaboratoryBench:
         rng = partial(self._rng, condition=condition, run=run)
         unit, angle = truth.actuator, truth.torques.angle
         current = truth.torques.motor / (unit.torque_constant * RATED_CURRENT)
-        error, slope = sensors.resolver_error(truth.waves, unit, self._imperfections)
+        error, slope = sensors.resolver_error(angle, unit, self._imperfections)
         lvdt_gain = drift("lvdt_gain", truth.times, self.run_spread) * unit.lvdt_gain
         gain = drift("accelerometer_gain", truth.times, self.run_spread) * unit.accelerometer_gain
         quantities = {
@@ -240,7 +237,7 @@ class LaboratoryBench:
             transducer = TRANSDUCERS[sensor]
             cable = transducer.mains * mains + transducer.carrier * carrier
             mark = unit.mark + len(sensor)  # different phases in different cables
-            cable += sensors.motor_noise(sensor, truth.waves, current, level, mark)
+            cable += sensors.motor_noise(sensor, angle, current, level, mark)
             settled = sensors.measured(
                 sensor, values, rng(name), fs=self.fs, cutoff=self.cutoff, cable=cable
             )
@@ -297,19 +294,17 @@ class LaboratoryBench:
         torques = motor.shaft_torques(
             unit, motion, force, line_torque, rng("friction"), self.run_spread
         )
-        waves = OrderWaves(torques.angle)
         backlash = faults["backlash"].backlash
         position, knocks = rod_position(torques.angle, force, actuator, backlash, fs)
-        shaking = motor.housing_force(unit, torques, waves, knocks, line_force, rng("forces"), fs)
-        currents = motor.phase_currents(unit, torques.motor, waves)
+        shaking = motor.housing_force(unit, torques, knocks, line_force, rng("forces"), fs)
+        currents = motor.phase_currents(unit, torques.motor, torques.angle)
         if fs / 2 > ASSUMED.carrier:
             turned = rng("carrier").uniform(0, 2 * np.pi)
-            currents += motor.carrier_ripple(torques, waves, times, turned, actuator)
+            currents += motor.carrier_ripple(torques, times, turned, actuator)
         return BenchTruth(
             actuator,
             times,
             torques,
-            waves,
             force,
             position,
             currents,

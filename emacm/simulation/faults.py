@@ -14,7 +14,7 @@ from emacm._checks import check_choice, check_number
 from emacm.machine.fault_orders import fault_orders
 from emacm.machine.rolling import Bearing
 from emacm.simulation.laboratory import ASSUMED
-from emacm.simulation.waves import Array, OrderWaves
+from emacm.simulation.waves import Array
 
 # Assumed: geometry of an angular contact bearing that gives the order 6.123 of chapter 4.
 BEARING = Bearing(10, 0.2478, 1.0, math.radians(25))
@@ -273,16 +273,16 @@ def healthy_lines(
     force, torque = np.zeros_like(turned), np.zeros_like(turned)
     coarse = _every(len(turned), ASSUMED.walk_steps)
     travel = np.abs(np.diff(turned[coarse])) / (2 * np.pi)
-    waves = {}
+    angles = {}
     for part, order in HEALTHY_ORDERS.items():
         steps = ASSUMED.slip * np.sqrt(order * travel) * rng.standard_normal(len(travel))
         walk = 2 * np.pi * np.concatenate(([rng.uniform()], steps)).cumsum()
         slipped = np.interp(np.arange(len(turned)), coarse, walk)
-        waves[part] = OrderWaves(order * turned + slipped)
+        angles[part] = order * turned + slipped
     for (part, harmonic, of_force, of_torque), share in zip(
         ASSUMED.healthy_lines, shares, strict=True
     ):
-        wave = waves[part].sines((harmonic, share, 0.0))
+        wave = share * np.sin(harmonic * angles[part])
         force += of_force * wave
         torque += of_torque * wave
     samples = np.arange(len(angle))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import copysign, exp, sqrt
 from typing import NamedTuple
 
@@ -10,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal as filters
 from scipy.constants import inch, lbf
+from scipy.interpolate import BSpline
 
 from emacm.simulation.faults import POLE_PAIRS, Fault
 from emacm.simulation.laboratory import ASSUMED, PEAK_SPEED, SUPPLY_VOLTAGE, Actuator, Condition
 from emacm.simulation.waves import Array
-
-Coefficients = tuple[float, float, float]
 
 # V peak of a phase for the planned motion: 220 V between phases, less a reserve.
 _ALLOWED = ASSUMED.voltage_reserve * (SUPPLY_VOLTAGE * sqrt(2 / 3))
@@ -112,34 +110,14 @@ def bench_motion(
     steps = np.arange(-n_before, n_after) / ASSUMED.control_rate
     targets = condition.position(steps, phase) * actuator.angle_per_inch
     velocities = _follow(targets, condition, actuator, load_share, jam)
-    angle, velocity, acceleration = _between_steps(
-        velocities, (times - steps[0]) * ASSUMED.control_rate
-    )
-    angle /= ASSUMED.control_rate
-    angle += targets[0]
-    acceleration *= ASSUMED.control_rate
-    return Motion(times, angle, velocity, acceleration)
-
-
-def _between_steps(velocities: Array, places: Array) -> tuple[Array, Array, Array]:
-    """Return angle, velocity and acceleration between the steps of the control loop.
-
-    A quadratic spline whose coefficients are the velocities of the steps: its acceleration is their
-    linear interpolation, so that neither speed nor torque overshoots its limit. `places` are times
-    in steps; the angle is 0 at the first step.
-    """
-    # Pieces of the spline join halfway between the steps.
-    c = np.concatenate((velocities[:1], velocities))
-    value, slope = (c[1:] + c[:-1]) / 2, np.diff(c)
-    curve = np.diff(slope, append=slope[-1:]) / 2
-    whole = value + slope / 2 + curve / 3
-    turned = np.concatenate(([0.0], np.cumsum(whole)[:-1]))
-    x = places + 0.5
-    number = x.astype(np.intp)
-    x -= number
-    a, b, d = value[number], slope[number], curve[number]
-    angle = turned[number] + x * (a + x * (b / 2 + x * d / 3))
-    return angle, a + x * (b + x * d), b + 2 * x * d
+    # A quadratic spline over the steps whose coefficients are their velocities: its acceleration
+    # is their linear interpolation, so that neither speed nor torque overshoots its limit.
+    knots = np.arange(len(steps) + 4) - 2.5
+    velocity = BSpline(knots, np.append(velocities[:1], velocities), 2)
+    places = (times - steps[0]) * ASSUMED.control_rate
+    angle = targets[0] + velocity.antiderivative()(places) / ASSUMED.control_rate
+    acceleration = velocity.derivative()(places) * ASSUMED.control_rate
+    return Motion(times, angle, velocity(places), acceleration)
 
 
 def _follow(
@@ -251,41 +229,3 @@ def _side(force: Array) -> Array:
         return np.ones_like(force)
     last = np.searchsorted(certain, np.arange(len(force)), side="right") - 1
     return np.sign(force[certain[np.maximum(last, 0)]])
-
-
-def responses(
-    systems: Sequence[tuple[Coefficients, Coefficients]], signal: Array, fs: float
-) -> list[Array]:
-    """Return the responses of linear systems of second order, at rest at the start.
-
-    Parameters
-    ----------
-    systems : sequence of (above, below)
-        Coefficients of s², s and 1 in the numerator and the denominator of each.
-    signal : ndarray of shape (n_times,)
-        Their input.
-    fs : float
-        Sampling rate [Hz]; the bilinear transform maps s to z.
-
-    Returns
-    -------
-    list of ndarray of shape (n_times,)
-
-    Examples
-    --------
-    >>> omega = 2 * np.pi * 5
-    >>> (step,) = responses([((0, 0, omega**2), (1, 2 * omega, omega**2))], np.ones(1000), 1000.0)
-    >>> step[[0, 20, -1]].round(3)
-    array([0.   , 0.137, 1.   ])
-    """
-    found = []
-    for above, below in systems:
-        b, a = _digital(*above, 2 * fs), _digital(*below, 2 * fs)
-        found.append(filters.lfilter(b / a[0], a / a[0], signal))
-    return found
-
-
-def _digital(q: float, p: float, r: float, double: float) -> Array:
-    """Return the coefficients in z of ``q s² + p s + r`` by the bilinear transform."""
-    first, last = (q * double + p) * double + r, (q * double - p) * double + r
-    return np.array([first, 2 * (r - q * double**2), last])

@@ -20,8 +20,8 @@ from emacm.simulation.laboratory import (
     Actuator,
     drift,
 )
-from emacm.simulation.mechanics import Motion, jam_torque, responses
-from emacm.simulation.waves import Array, OrderWaves, sine_wave
+from emacm.simulation.mechanics import Motion, jam_torque
+from emacm.simulation.waves import Array, sines
 
 
 class Unit(NamedTuple):
@@ -108,17 +108,16 @@ def shaft_torques(
     motor = actuator.inertia * motion.acceleration + load + friction
     # Where a jam stops the shaft, friction takes what exceeds the torque limit.
     motor = np.clip(motor, -actuator.max_torque, actuator.max_torque)
-    waves = OrderWaves(motion.angle)
     loaded = np.abs(load) / (actuator.torque_constant * RATED_CURRENT) + ASSUMED.free_torque
-    braking = _braking(unit, motion.angle, waves, loaded, rng)
-    ripple = _ripple(unit, waves, motor)
+    braking = _braking(unit, motion.angle, loaded, rng)
+    ripple = _ripple(unit, motion.angle, motor)
     ripple -= (braking + loaded * actuator.recirculation * lines) * direction
     angle, velocity, acceleration = _loop_response(ripple, actuator, motion.times)
     motor = motor + actuator.inertia * acceleration - ripple
     return Torques(motor, load, angle + motion.angle, velocity + motion.velocity)
 
 
-def phase_currents(unit: Unit, torque: Array, waves: OrderWaves) -> Array:
+def phase_currents(unit: Unit, torque: Array, angle: Array) -> Array:
     """Return the currents of the phases, which sum to zero: the star point is not connected.
 
     Unequal phases add a current that passes the phases in the opposite order (negative sequence).
@@ -132,8 +131,8 @@ def phase_currents(unit: Unit, torque: Array, waves: OrderWaves) -> Array:
         Constants and faults.
     torque : ndarray of shape (n_times,)
         Motor torque [N m].
-    waves : OrderWaves
-        Waves over the shaft angle.
+    angle : ndarray of shape (n_times,)
+        Shaft angle [rad].
 
     Returns
     -------
@@ -144,33 +143,24 @@ def phase_currents(unit: Unit, torque: Array, waves: OrderWaves) -> Array:
     --------
     >>> from emacm.simulation.faults import FAULTS
     >>> unit = Unit(Actuator(), {name: fault.scaled(0) for name, fault in FAULTS.items()}, {})
-    >>> quarter = OrderWaves(np.array([np.pi / 2 / POLE_PAIRS]))
+    >>> quarter = np.array([np.pi / 2 / POLE_PAIRS])
     >>> phase_currents(unit, np.array([5.28]), quarter).round(1).ravel()
     array([-10.,   5.,   5.])
     """
     length = torque / unit.actuator.torque_constant
     # Fundamental and 7th harmonic pass the phases in the order a, b, c, the others a, c, b.
-    positive = ((1, 1.0), (7, ASSUMED.dead_time[1]))
-    negative = ((1, _mismatch(unit)), (5, ASSUMED.dead_time[0]))
-
-    def waves_of(side: int, phase: float) -> Array:
-        sizes = [*positive, *((n, side * size) for n, size in negative)]
-        return waves.sines(*((n * POLE_PAIRS, size, phase) for n, size in sizes))
-
-    return _of_phases(-length * waves_of(1, 0.0), np.sqrt(3) / 2 * length * waves_of(-1, np.pi / 2))
+    fifth, seventh = ASSUMED.dead_time
+    terms = ((1, 1.0, 1), (7, seventh, 1), (1, _mismatch(unit), -1), (5, fifth, -1))
+    return -length * sum(size * np.sin(_of_phases(n, angle, way)) for n, size, way in terms)
 
 
-def _of_phases(a: Array, across: Array) -> Array:
-    """Return phase currents that sum to zero.
-
-    `a` is the current of phase a, `across` half of the difference of those of the phases b and c.
-    """
-    return np.stack([a, across - a / 2, -across - a / 2])
+def _of_phases(harmonic: int, angle: Array, way: int) -> Array:
+    """Return the electrical angle of each phase; `way` is -1 for the order a, c, b."""
+    turns = 2 * np.pi / 3 * np.arange(3)
+    return harmonic * POLE_PAIRS * angle - way * turns[:, np.newaxis]
 
 
-def carrier_ripple(
-    torques: Torques, waves: OrderWaves, times: Array, phase: float, actuator: Actuator
-) -> Array:
+def carrier_ripple(torques: Torques, times: Array, phase: float, actuator: Actuator) -> Array:
     """Return the ripple of the phase currents at the switching frequency of the inverter.
 
     The lines at ``carrier +- 2 x`` the electrical frequency of a sine-triangle modulation have the
@@ -183,8 +173,6 @@ def carrier_ripple(
     ----------
     torques : Torques
         Torque and motion of the shaft.
-    waves : OrderWaves
-        Waves over the shaft angle.
     times : ndarray of shape (n_times,)
         Times [s].
     phase : float
@@ -209,32 +197,29 @@ def carrier_ripple(
     x2 = (np.pi * np.sqrt(across**2 + along**2) / link) ** 2  # square of pi M / 2
     bessel = x2 / 8 * (1 - x2 / 12 * (1 - x2 / 32))  # J_2 within 1 % up to M = 1.15
     reactance = 2 * np.pi * ASSUMED.carrier * actuator.winding_inductance
-    size = bessel * sine_wave(ASSUMED.carrier, times, phase)
-    size *= 2 * (2 * link / np.pi) / reactance
-    a = waves.sines((2 * POLE_PAIRS, 1.0, np.pi / 2))
-    across = waves.sines((2 * POLE_PAIRS, -np.sqrt(3) / 2, 0.0))
-    return _of_phases(size * a, size * across)
+    size = 4 * link / np.pi / reactance * bessel
+    size *= np.sin(2 * np.pi * ASSUMED.carrier * times + phase)
+    return size * np.cos(_of_phases(2, torques.angle, -1))
 
 
 def _mismatch(unit: Unit) -> float:
     return unit.actuator.phase_mismatch - unit.faults["phase imbalance"].imbalance
 
 
-def _ripple(unit: Unit, waves: OrderWaves, mean: Array) -> Array:
+def _ripple(unit: Unit, angle: Array, mean: Array) -> Array:
     """Return torque ripple of mean 0: alignment, cogging, eccentricity and phase imbalance."""
     actuator = unit.actuator
-    ripple = waves.sines(
+    ripple = sines(
+        angle,
         (1, actuator.ripple, actuator.mark),
         (ASSUMED.cogging_order, actuator.cogging, actuator.mark),
         (1, unit.faults["eccentricity"].torque, 2 * actuator.mark),
     )
     # The torque of the negative sequence pulsates at twice the supply order.
-    return ripple + mean * waves.sines((2 * POLE_PAIRS, -_mismatch(unit), np.pi / 2))
+    return ripple - mean * _mismatch(unit) * np.cos(2 * POLE_PAIRS * angle)
 
 
-def _braking(
-    unit: Unit, angle: Array, waves: OrderWaves, loaded: Array, rng: np.random.Generator
-) -> Array:
+def _braking(unit: Unit, angle: Array, loaded: Array, rng: np.random.Generator) -> Array:
     """Return the varying part of the friction torque, which opposes either direction."""
     mark, braking = unit.actuator.mark, np.zeros_like(angle)
     for name, passage in unit.passages.items():
@@ -243,7 +228,7 @@ def _braking(
         braking += cage * np.sin(CAGE_ORDER * angle + mark)
     dry = unit.faults["lubrication"]
     if dry.torque:
-        braking += waves.sines((1, dry.torque, 3 * mark))
+        braking += dry.torque * np.sin(angle + 3 * mark)
         braking += dry.friction_noise * unit.actuator.coulomb * _noise_over_travel(angle, rng)
     return braking
 
@@ -272,9 +257,11 @@ def _loop_response(ripple: Array, actuator: Actuator, times: Array) -> tuple[Arr
     """Return the angle, velocity and acceleration that ripple causes under the velocity loop."""
     corner = 2 * np.pi * actuator.velocity_bandwidth
     below = (1.0, 2 * ASSUMED.damping * corner, corner**2)
-    disturbed = ripple / actuator.inertia
-    systems = [((0.0, 0.0, 1.0), below), ((0.0, 1.0, 0.0), below)]
-    angle, velocity = responses(systems, disturbed, 1 / (times[1] - times[0]))
+    disturbed, fs = ripple / actuator.inertia, 1 / (times[1] - times[0])
+    angle, velocity = (
+        filters.lfilter(*filters.bilinear(above, below, fs), disturbed)
+        for above in ((1.0,), (1.0, 0.0))
+    )
     # s² + 2 z w s + w² is the denominator, so the acceleration is what the loop leaves.
     return angle, velocity, disturbed - below[1] * velocity - below[2] * angle
 
@@ -282,7 +269,6 @@ def _loop_response(ripple: Array, actuator: Actuator, times: Array) -> tuple[Arr
 def housing_force(
     unit: Unit,
     torques: Torques,
-    waves: OrderWaves,
     knocks: NDArray[np.intp],
     lines: Array,
     rng: np.random.Generator,
@@ -300,8 +286,6 @@ def housing_force(
         Constants and faults.
     torques : Torques
         Torques and motion of the shaft.
-    waves : OrderWaves
-        Waves over the shaft angle.
     knocks : ndarray of shape (n_knocks,), of int
         Samples at which the nut hits its opposite flank.
     lines : ndarray of shape (n_times,)
@@ -316,23 +300,23 @@ def housing_force(
     ndarray of shape (n_times,)
         Force [N].
     """
-    actuator, faults = unit.actuator, unit.faults
+    actuator, faults, angle = unit.actuator, unit.faults, torques.angle
     speed = np.abs(torques.velocity) / PEAK_SPEED
     rated_torque = RATED_FORCE * actuator.torque_per_force
     pressed = np.sqrt(np.abs(torques.load) / rated_torque + ASSUMED.preload)
     current = np.abs(torques.motor) / (actuator.torque_constant * RATED_CURRENT)
     rolling = 1 + faults["lubrication"].rolling_noise
     if rub := faults["cage"].rolling_noise:
-        rolling = rolling * (1 + rub * np.sin(CAGE_ORDER * torques.angle + actuator.mark))
+        rolling = rolling * (1 + rub * np.sin(CAGE_ORDER * angle + actuator.mark))
     density = actuator.rolling_noise * np.sqrt(fs / ASSUMED.noise_rate)  # the same at any rate
     force = rng.standard_normal(len(speed)) * density * rolling * speed * pressed
     force += actuator.waviness * pressed * lines
-    force += waves.sines((1, actuator.unbalance, 2 * actuator.mark)) * torques.velocity**2
-    force += waves.sines((2 * POLE_PAIRS, ASSUMED.radial, actuator.mark)) * current
+    force += actuator.unbalance * np.sin(angle + 2 * actuator.mark) * torques.velocity**2
+    force += ASSUMED.radial * np.sin(2 * POLE_PAIRS * angle + actuator.mark) * current
     if eccentric := faults["eccentricity"].force:
         # The narrow side of the air gap turns: lines at order 1, and as sidebands of order 12.
-        pull = waves.sines((1, eccentric, 2 * actuator.mark)) * (0.3 + current)
-        force += pull * (1 + waves.sines((2 * POLE_PAIRS, 0.5, np.pi / 2)))
+        pull = eccentric * np.sin(angle + 2 * actuator.mark) * (0.3 + current)
+        force += pull * (1 + 0.5 * np.cos(2 * POLE_PAIRS * angle))
     impulses = np.zeros_like(speed)
     for name, passage in unit.passages.items():
         at = passage.impacts
@@ -362,15 +346,16 @@ def housing_acceleration(force: Array, actuator: Actuator, fs: float) -> Array:
     ndarray of shape (n_times,)
         Acceleration [g].
     """
-    modes = []
+    acceleration = np.zeros_like(force)
     for ratio, share in ASSUMED.modes:
         omega = 2 * np.pi * actuator.resonance * ratio
         if omega > ASSUMED.highest_mode * 2 * np.pi * fs:
             continue
         omega = 2 * fs * np.tan(omega / (2 * fs))  # the bilinear transform shifts frequencies
         above = (share / actuator.housing_mass / g, 0.0, 0.0)
-        modes.append((above, (1.0, 2 * actuator.damping * omega, omega**2)))
-    return np.sum(responses(modes, force, fs), axis=0) + np.zeros_like(force)
+        below = (1.0, 2 * actuator.damping * omega, omega**2)
+        acceleration += filters.lfilter(*filters.bilinear(above, below, fs), force)
+    return acceleration
 
 
 def _contact_force(impulses: Array, fs: float) -> Array:

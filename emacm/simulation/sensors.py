@@ -11,7 +11,7 @@ from scipy.constants import arcminute
 from emacm.shaft.angle import angle_from_resolver
 from emacm.simulation.faults import POLE_PAIRS, Imperfections
 from emacm.simulation.laboratory import ASSUMED, TRANSDUCERS, Actuator
-from emacm.simulation.waves import Array, OrderWaves, sine_wave
+from emacm.simulation.waves import Array, sines
 
 
 def interference(times: Array, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -22,17 +22,16 @@ def interference(times: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """
     nyquist = 1 / (times[1] - times[0]) / 2
     phases = rng.uniform(0, 2 * np.pi, len(ASSUMED.mains_lines) + 1)
-    mains, carrier = np.zeros_like(times), np.zeros_like(times)
-    for (hertz, size), phase in zip(ASSUMED.mains_lines, phases[1:], strict=True):
-        if hertz < nyquist:
-            mains += size * sine_wave(hertz, times, phase)
-    if nyquist > ASSUMED.carrier:
-        carrier = sine_wave(ASSUMED.carrier, times, phases[0])
-    return mains, carrier
+    lines = ((ASSUMED.carrier, 1.0), *ASSUMED.mains_lines)
+    carrier, *mains = (
+        (hertz, size * (hertz < nyquist), phase)
+        for (hertz, size), phase in zip(lines, phases, strict=True)
+    )
+    return sines(2 * np.pi * times, *mains), sines(2 * np.pi * times, carrier)
 
 
 def motor_noise(
-    sensor: str, waves: OrderWaves, current: Array, level: float, mark: float
+    sensor: str, angle: Array, current: Array, level: float, mark: float
 ) -> Array | float:
     """Return the electrical noise of the motor in the cable of a sensor [V].
 
@@ -45,7 +44,7 @@ def motor_noise(
         return 0.0
     orders = (2 * POLE_PAIRS, 6 * POLE_PAIRS)
     terms = ((order, level * size, mark) for order, size in zip(orders, sizes, strict=True))
-    return waves.sines(*terms) * (ASSUMED.pickup_floor + np.abs(current))
+    return sines(angle, *terms) * (ASSUMED.pickup_floor + np.abs(current))
 
 
 def measured(
@@ -116,7 +115,7 @@ def _butterworth(order: int, cutoff: float, fs: float) -> tuple[Array, Array]:
 
 
 def resolver_error(
-    waves: OrderWaves, actuator: Actuator, imperfections: Imperfections
+    angle: Array, actuator: Actuator, imperfections: Imperfections
 ) -> tuple[Array, Array]:
     """Return the error of the resolver [rad], and its derivative by the angle.
 
@@ -127,8 +126,7 @@ def resolver_error(
     --------
     >>> from emacm.simulation.faults import draw_imperfections
     >>> unit = draw_imperfections(np.random.default_rng(0), spread=0)
-    >>> waves = OrderWaves(np.array([np.pi / 2]))
-    >>> error, _ = resolver_error(waves, Actuator(), unit)  # 3' at order 1
+    >>> error, _ = resolver_error(np.array([np.pi / 2]), Actuator(), unit)  # 3' at order 1
     >>> (error * 180 * 60 / np.pi).round(6)
     array([3.])
     """
@@ -140,7 +138,7 @@ def resolver_error(
         )
     ]
     slopes = [(order, order * size, phase + np.pi / 2) for order, size, phase in parts]
-    return waves.sines(*parts), waves.sines(*slopes)
+    return sines(angle, *parts), sines(angle, *slopes)
 
 
 def resolver_angle(angle: Array, rng: np.random.Generator) -> Array:
