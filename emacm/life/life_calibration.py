@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,6 +39,10 @@ class History:
         Health index and further columns.
     onset : int
         First reading with damage; ``n_readings`` if there is none.
+    life : float
+        Age at the failure or at the end of the observation, if it is known.
+    failed : bool
+        Which of the two it is.
     """
 
     name: Any
@@ -46,6 +50,8 @@ class History:
     ages: Array
     columns: Array
     onset: int
+    life: float = np.inf
+    failed: bool = False
 
     @property
     def damaged(self) -> Bools:
@@ -61,6 +67,16 @@ class History:
     def times(self) -> Array:
         """Age, or time since the onset, of each reading."""
         return np.where(self.damaged, self.ages - self.onset_age, self.ages)
+
+    @property
+    def remaining(self) -> Array:
+        """Time from each reading to the end."""
+        return np.maximum(self.life - self.ages, 0)
+
+    @property
+    def running(self) -> Bools:
+        """Whether there is damage before the end, of each reading."""
+        return self.damaged & (self.remaining > 0)
 
     @property
     def states(self) -> Array:
@@ -106,18 +122,27 @@ def read_histories(X: Array, groups: Any, onset: float | None, consecutive: int)
     return histories
 
 
-def lives_of(histories: list[History], remaining: Array, tolerance: float = 1e-6) -> Array:
-    """Return the age at the end of each unit.
+def with_lives(
+    histories: list[History], remaining: Array, censored: Any, tolerance: float = 1e-6
+) -> list[History]:
+    """Return the histories with the age at the end of each unit, and whether it failed then.
 
     Raises
     ------
     ValueError
-        If age and remaining life of a unit do not add up to the same life, up to a relative
-        `tolerance`.
+        If age and remaining life of a unit do not add up to the same positive life, up to a
+        relative `tolerance`; or if `censored` has another length, or differs between the readings
+        of a unit.
     """
-    lives = []
+    ended = np.zeros(len(remaining)) if censored is None else np.asarray(censored)
+    if ended.shape != remaining.shape or not np.isin(ended, (0, 1)).all():
+        raise ValueError(
+            f"censored must hold True or False for each of {len(remaining)} readings, got shape "
+            f"{ended.shape} of {ended.dtype}."
+        )
+    units = []
     for unit in histories:
-        ends = unit.ages + remaining[unit.rows]
+        ends, own = unit.ages + remaining[unit.rows], ended[unit.rows].astype(bool)
         wrong = np.abs(ends - ends[0]) > tolerance * abs(ends[0])
         if wrong.any():
             row = int(np.argmax(wrong))
@@ -126,34 +151,17 @@ def lives_of(histories: list[History], remaining: Array, tolerance: float = 1e-6
                 f"and {ends[row]:g} in row {unit.rows[row]}. Both must be in the same unit of "
                 f"time, and a unit ends once; a repaired unit is another unit."
             )
-        lives.append(ends[0])
-    return np.array(lives)
-
-
-def censored_units(censored: Any, histories: list[History], n_rows: int) -> Bools:
-    """Return whether each unit has not failed.
-
-    Raises
-    ------
-    ValueError
-        If `censored` has another length, or differs between the readings of a unit.
-    """
-    if censored is None:
-        return np.zeros(len(histories), dtype=bool)
-    values = np.asarray(censored)
-    if values.shape != (n_rows,) or not np.isin(values, (0, 1)).all():
-        raise ValueError(
-            f"censored must hold True or False for each of {n_rows} readings, got shape "
-            f"{values.shape} of {values.dtype}."
-        )
-    values = values.astype(bool)
-    for unit in histories:
-        if len(set(values[unit.rows])) > 1:
+        if ends[0] <= 0:
+            raise ValueError(
+                f"unit {unit.name!r} has a life of 0. Leave it out, or correct its age."
+            )
+        if own.any() != own.all():
             raise ValueError(
                 f"censored is True for some readings of unit {unit.name!r} and False for others. "
                 f"It says whether the unit failed at the end, and is the same for all of them."
             )
-    return np.array([values[unit.rows[0]] for unit in histories])
+        units.append(replace(unit, life=float(ends[0]), failed=not own[0]))
+    return units
 
 
 def _onset(values: Array, level: float | None, consecutive: int) -> int:
@@ -313,32 +321,26 @@ class LifeModels:
     damage: WeibullRegression | WienerProcess | None
 
     @classmethod
-    def fit(
-        cls,
-        histories: list[History],
-        lives: Array,
-        failed: Bools,
-        model: str,
-        threshold: float | None,
-    ) -> LifeModels:
+    def fit(cls, histories: list[History], model: str, threshold: float | None) -> LifeModels:
         """Estimate both from whole units, which count equally."""
-        n_units = len(histories)
-        population = WeibullRegression.fit(np.zeros((n_units, 0)), lives, failed, np.ones(n_units))
-        chosen = [k for k, unit in enumerate(histories) if unit.onset < len(unit.ages)]
-        if not chosen:
+        lives = np.array([unit.life for unit in histories])
+        failed = np.array([unit.failed for unit in histories])
+        no_columns, once = np.zeros((len(histories), 0)), np.ones(len(histories))
+        population = WeibullRegression.fit(no_columns, lives, failed, once)
+        damaged = [unit for unit in histories if unit.damaged.any()]
+        if not damaged:
             return cls(population, None)
-        damaged = [histories[k] for k in chosen]
         if model == "wiener":
+            if threshold is None:
+                threshold = float(np.mean([x.columns[-1, 0] for x in damaged if x.failed]))
             paths = [(unit.ages[unit.onset :], unit.states[:, 0]) for unit in damaged]
-            return cls(population, WienerProcess.fit(paths, failed[chosen], threshold))
-        units = np.repeat(chosen, [len(unit.ages) - unit.onset for unit in damaged])
-        table = np.concatenate([unit.columns[unit.onset :] for unit in damaged])
-        remaining = lives[units] - np.concatenate([unit.ages[unit.onset :] for unit in damaged])
-        kept = remaining > 0
-        units = units[kept]
-        weights = 1 / np.bincount(units)[units]
-        regression = WeibullRegression.fit(table[kept], remaining[kept], failed[units], weights)
-        return cls(population, regression)
+            return cls(population, WienerProcess.fit(paths, threshold))
+        n_rows = [np.count_nonzero(unit.running) for unit in damaged]
+        table = np.concatenate([unit.columns[unit.running] for unit in damaged])
+        remaining = np.concatenate([unit.remaining[unit.running] for unit in damaged])
+        failed = np.repeat([unit.failed for unit in damaged], n_rows)
+        weights = np.repeat(1 / np.maximum(n_rows, 1), n_rows)
+        return cls(population, WeibullRegression.fit(table, remaining, failed, weights))
 
     def cdf(self, unit: History, remaining: Array) -> Array:
         """Return the probability of remaining lives, (n_readings, n_levels), of each reading."""
@@ -393,28 +395,20 @@ class LifeCalibration:
     Parameters
     ----------
     histories : list of History
-        All units.
-    lives : ndarray of shape (n_units,)
-        Age at the failure or at the end of the observation.
-    failed : ndarray of bool, shape (n_units,)
-        Which of the two it is.
+        All units, with their lives.
     fit : callable
-        Models fitted on some of the units.
+        Returns models fitted on some of the units.
     """
 
     def __init__(
-        self,
-        histories: list[History],
-        lives: Array,
-        failed: Bools,
-        fit: Callable[[NDArray[np.intp]], LifeModels],
+        self, histories: list[History], fit: Callable[[list[History]], LifeModels]
     ) -> None:
         self.units: dict[str, list[Levels]] = {BEFORE_ONSET: [], DAMAGE: []}
         numbers = np.arange(len(histories))
         for others, rows in left_out(np.zeros_like(numbers), numbers):
-            models = fit(others)
+            models = fit([histories[k] for k in others])
             for k in rows:
-                self._add(models, histories[k], float(lives[k]), not failed[k])
+                self._add(models, histories[k])
 
     def width(self, stage: str, time: float, coverage: float) -> tuple[float, int, str]:
         """Return half the width of an interval in probability, units used, and calibration."""
@@ -434,14 +428,12 @@ class LifeCalibration:
         censored = np.array([unit.censored for unit in alive], dtype=bool)
         return half_width(levels, censored, coverage), len(alive)
 
-    def _add(self, models: LifeModels, unit: History, life: float, censored: bool) -> None:
-        left = np.maximum(life - unit.ages, 0)
-        levels = models.cdf(unit, left[:, np.newaxis])[:, 0]
-        onset = unit.onset_age
+    def _add(self, models: LifeModels, unit: History) -> None:
+        levels = models.cdf(unit, unit.remaining[:, np.newaxis])[:, 0]
         for stage, rows, end in (
-            (BEFORE_ONSET, ~unit.damaged, min(onset, life)),
-            (DAMAGE, unit.damaged & (left > 0), life - onset),
+            (BEFORE_ONSET, ~unit.damaged, min(unit.onset_age, unit.life)),
+            (DAMAGE, unit.running, unit.life - unit.onset_age),
         ):
             if rows.any():
-                found = Levels(unit.times[rows], levels[rows], end, censored)
+                found = Levels(unit.times[rows], levels[rows], end, not unit.failed)
                 self.units[stage].append(found)

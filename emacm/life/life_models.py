@@ -127,24 +127,16 @@ class WienerProcess:
     diffusion: float
 
     @classmethod
-    def fit(
-        cls, paths: list[tuple[Array, Array]], failed: NDArray[np.bool_], threshold: float | None
-    ) -> WienerProcess:
+    def fit(cls, paths: list[tuple[Array, Array]], threshold: float) -> WienerProcess:
         """Estimate from the paths of several units, by moments.
 
         Parameters
         ----------
         paths : list of (ages, index)
             Of each unit, from the onset of damage on.
-        failed : ndarray of bool, shape (n_units,)
-            Whether the unit failed at the end of its path.
-        threshold : float or None
-            None: the mean of the last index of units that failed.
+        threshold : float
+            Index at which a unit fails.
         """
-        if threshold is None:
-            threshold = float(
-                np.mean([path[1][-1] for path, end in zip(paths, failed, strict=True) if end])
-            )
         paths = [path for path in paths if len(path[0]) > 1]
         if not paths:
             raise ValueError(
@@ -194,17 +186,14 @@ class WienerProcess:
         mean, variance = self.posterior(states[..., 1], states[..., 2])
         # A unit at or above the threshold that still runs is about to fail.
         distance = np.maximum(self.threshold - states[..., 0], 1e-6 * abs(self.threshold) + 1e-12)
-        return np.clip(self._reached(remaining, distance, mean, variance), 0, 1)
-
-    def _reached(self, r: Array, d: Array, m: Array, v: Array) -> Array:
-        q = self.diffusion
+        r, d, m, v, q = remaining, distance, mean, variance, self.diffusion
         a = 2 * d / q
         # Probability to reach the threshold ever, which divides: damage does not heal.
         ever = ndtr(m / np.sqrt(v)) + _reflected(-m / np.sqrt(v), (m + a * v) / np.sqrt(v))
         width = np.sqrt(np.maximum(r * q + r**2 * v, 1e-300))
         passed = (m * r - d) / width
         found = ndtr(passed) + _reflected(passed, (d + m * r + a * v * r) / width)
-        return np.where(r > 0, found, 0.0) / ever
+        return np.clip(np.where(r > 0, found, 0.0) / ever, 0, 1)
 
 
 def _reflected(direct: Array, mirrored: Array) -> Array:

@@ -82,7 +82,8 @@ def phm2012_score(true: ArrayLike, predicted: ArrayLike) -> float:
     >>> round(phm2012_score([100.0, 200.0, 50.0], [105.0, 160.0, 50.0]), 3)
     0.667
     """
-    true, predicted = _paired(true, predicted)
+    true, predicted = _columns(true=true, predicted=predicted)
+    check_finite(predicted, "predicted")
     if (true <= 0).any():
         raise ValueError(f"true must be positive, got {true.min():g}. Leave failed units out.")
     error = 100 * (true - predicted) / true
@@ -123,15 +124,7 @@ def coverage_by_unit(
     {'A': 0.0, 'B': 1.0, 'all': 0.5}
     """
     confidence = check_number(confidence, "confidence", above=0, below=1)
-    true = check_real_array(true, "true").astype(np.float64)
-    check_finite(true, "true")
-    low = check_real_array(lower, "lower").astype(np.float64)
-    high = check_real_array(upper, "upper").astype(np.float64)
-    if not true.shape == low.shape == high.shape:
-        raise ValueError(
-            f"true, lower and upper must have the same length, got shapes {true.shape}, "
-            f"{low.shape} and {high.shape}."
-        )
+    true, low, high = _columns(true=true, lower=lower, upper=upper)
     if not (low <= high).all():
         row = int(np.argmin(low <= high))
         raise ValueError(
@@ -152,14 +145,14 @@ def coverage_by_unit(
     return table
 
 
-def _paired(true: ArrayLike, predicted: ArrayLike) -> tuple[Array, Array]:
-    first = check_real_array(true, "true").astype(np.float64)
-    second = check_real_array(predicted, "predicted").astype(np.float64)
-    if first.ndim != 1 or first.shape != second.shape or not len(first):
+def _columns(**values: ArrayLike) -> list[Array]:
+    """Return columns of the same length, the first of which is finite."""
+    columns = [check_real_array(x, name).astype(np.float64) for name, x in values.items()]
+    shapes = [column.shape for column in columns]
+    if len(set(shapes)) > 1 or len(shapes[0]) != 1 or not shapes[0][0]:
         raise ValueError(
-            f"true and predicted must be one-dimensional and of the same length, got shapes "
-            f"{first.shape} and {second.shape}."
+            f"{', '.join(values)} must be one-dimensional and of the same length, got shapes "
+            f"{shapes}."
         )
-    check_finite(first, "true")
-    check_finite(second, "predicted")
-    return first, second
+    check_finite(columns[0], next(iter(values)))
+    return columns

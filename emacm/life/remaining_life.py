@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -27,12 +28,11 @@ from emacm.life.life_calibration import (
     History,
     LifeCalibration,
     LifeModels,
-    censored_units,
     check_coverage,
-    lives_of,
     outside_fit,
     read_histories,
     statement,
+    with_lives,
 )
 from emacm.life.maintenance import MaintenanceCosts, expected_costs
 
@@ -172,25 +172,18 @@ class RemainingLife(RegressorMixin, SavedEstimator):
             row = int(np.argmax(y < 0))
             raise ValueError(f"y must not be negative, got {y[row]:g} in row {row}.")
         histories = read_histories(X, groups, self.onset, self.consecutive)
-        lives = lives_of(histories, y)
-        if (lives <= 0).any():
-            raise ValueError("a unit has a life of 0. Leave it out, or correct its age.")
-        failed = ~censored_units(censored, histories, len(X))
-        self.n_units_, self.n_failed_ = len(histories), int(failed.sum())
+        histories = with_lives(histories, y, censored)
+        failed = [unit for unit in histories if unit.failed]
+        self.n_units_, self.n_failed_ = len(histories), len(failed)
         check_coverage(self.coverage, self.n_failed_)
         if self.n_features_in_ > 1:
-            damaged = np.array([unit.onset < len(unit.ages) for unit in histories])
             what = f"that failed and have readings after the onset of damage (onset={self.onset!r})"
-            check_coverage(self.coverage, int(np.sum(failed & damaged)), what)
-
-        def fitted(units: NDArray[np.intp]) -> LifeModels:
-            chosen = [histories[k] for k in units]
-            return LifeModels.fit(chosen, lives[units], failed[units], self.model, self.threshold)
-
-        self.models_ = fitted(np.arange(len(histories)))
+            check_coverage(self.coverage, len([x for x in failed if x.damaged.any()]), what)
+        fit = partial(LifeModels.fit, model=self.model, threshold=self.threshold)
+        self.models_ = fit(histories)
         self._fitted_range = np.array([X.min(axis=0), X.max(axis=0)])
-        self._fitted_range[:, 0] = 0, lives.max()
-        self._calibration = LifeCalibration(histories, lives, failed, fitted)
+        self._fitted_range[:, 0] = 0, max(unit.life for unit in histories)
+        self._calibration = LifeCalibration(histories, fit)
         return self
 
     def predict(self, X: Any, groups: ArrayLike | None = None) -> Array:

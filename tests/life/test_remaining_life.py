@@ -91,7 +91,7 @@ def test_the_law_of_a_simulated_fleet_is_found_again():
     X, _, groups, _ = followed(range(300))
     paths = [X[(groups == u) & (X[:, 1] > NO_DAMAGE)] for u in range(300)]
     paths = [(path[:, 0], path[:, 1]) for path in paths if len(path)]
-    found = WienerProcess.fit(paths, np.ones(len(paths), bool), 0.0)
+    found = WienerProcess.fit(paths, 0.0)
     per_neper = 20 / np.log(10)
     assert found.diffusion == pytest.approx(0.004 * per_neper**2, rel=0.1)
     assert found.drift == pytest.approx(0.03 * per_neper, rel=0.1)
