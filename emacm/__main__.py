@@ -8,7 +8,6 @@ import os
 import runpy
 import signal
 import sys
-import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -33,7 +32,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 if it succeeded, 2 for invalid input, 130 if it was interrupted (SIGINT or SIGTERM);
         for ``score``, 1 if a decision of ``--fail-on`` was made, and 3 if files failed.
     """
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    options, others = parser.parse_known_args(arguments)
+    if options.command == "reproduce":
+        options.others = others
+    elif others:
+        parser.error(f"unrecognized arguments: {' '.join(others)}")
     try:
         with _signals_as_interruption():
             return options.run(options) or 0
@@ -67,37 +71,16 @@ def _parser() -> argparse.ArgumentParser:
         "demo", help="search, decide, save, load and draw, on simulated recordings"
     )
     demo.set_defaults(run=_run_demo)
-    _add_common(demo, "emacm_demo", "folder for the model and the picture", "in parallel")
-    reproduce = commands.add_parser(
-        "reproduce", help="compute the published figures of the thesis again, and compare them"
-    )
-    reproduce.set_defaults(run=_run_reproduce)
-    reproduce.add_argument(
-        "--chapter",
-        action="append",
-        type=int,
-        metavar="2|3|4|5",
-        help="only this chapter; may be given several times (default: all)",
-    )
-    reproduce.add_argument("--quick", action="store_true", help="fewer draws: about a minute")
-    reproduce.add_argument(
-        "--overwrite", action="store_true", help="replace an existing report in the folder"
-    )
-    _add_common(reproduce, "emacm_reproduction", "folder for the report", "processes")
+    folder = "folder for the model and the picture (default: emacm_demo)"
+    demo.add_argument("--out", type=Path, default=Path("emacm_demo"), metavar="DIR", help=folder)
+    jobs = "number of tasks in parallel; -1: one per core (default: 2)"
+    demo.add_argument("--jobs", type=_job_count, default=2, metavar="N", help=jobs)
+    commands.add_parser(
+        "reproduce",
+        help="compute the published figures of the thesis again, and compare them",
+        add_help=False,  # all options are those of benchmarks/thesis
+    ).set_defaults(run=_run_reproduce)
     return parser
-
-
-def _add_common(command: argparse.ArgumentParser, out: str, folder: str, jobs: str) -> None:
-    command.add_argument(
-        "--out", type=Path, default=Path(out), metavar="DIR", help=f"{folder} (default: {out})"
-    )
-    command.add_argument(
-        "--jobs",
-        type=_job_count,
-        default=2,
-        metavar="N",
-        help=f"number of tasks {jobs}; -1: one per core (default: 2)",
-    )
 
 
 def _job_count(text: str) -> int:
@@ -115,8 +98,13 @@ def _job_count(text: str) -> int:
 def _run_demo(options: argparse.Namespace) -> None:
     from emacm import demo  # imported here, so that --help and --version answer at once
 
-    _check_matplotlib("demo")
-    demo.simulated_demo(_writable_folder(options.out), n_jobs=options.jobs)
+    if importlib.util.find_spec("matplotlib") is None:
+        raise ImportError("demo draws pictures: run pip install 'emacm[plot]' for matplotlib.")
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OSError(f"cannot write to the folder {options.out}: {error}") from error
+    demo.simulated_demo(options.out, n_jobs=options.jobs)
 
 
 def _run_reproduce(options: argparse.Namespace) -> None:
@@ -126,20 +114,13 @@ def _run_reproduce(options: argparse.Namespace) -> None:
             "the reproduction of the thesis is not installed with the package: run it in a copy "
             "of the repository, as python benchmarks/thesis."
         )
-    _check_matplotlib("reproduce")
-    chapters = [text for number in options.chapter or () for text in ("--chapter", str(number))]
-    flags = [f"--{name}" for name in ("quick", "overwrite") if getattr(options, name)]
-    common = ["--out", str(options.out), "--jobs", str(options.jobs)]
-    sys.argv = [str(folder), *chapters, *flags, *common]
+    sys.argv = [str(folder), *options.others]
     runpy.run_path(str(folder), run_name="__main__")
 
 
 @contextmanager
 def _signals_as_interruption() -> Iterator[None]:
     """Raise KeyboardInterrupt at the first SIGINT or SIGTERM, and ignore the following ones."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
     numbers = (signal.SIGINT, signal.SIGTERM)
 
     def interrupt(number: int, frame: object) -> None:
@@ -161,24 +142,6 @@ def _end_workers() -> None:
         from joblib.externals.loky import get_reusable_executor
 
         get_reusable_executor(max_workers=1).shutdown(wait=False, kill_workers=True)
-
-
-def _check_matplotlib(command: str) -> None:
-    if importlib.util.find_spec("matplotlib") is None:
-        raise ImportError(
-            f"{command} draws pictures and needs matplotlib; run pip install 'emacm[plot]'."
-        )
-
-
-def _writable_folder(folder: Path) -> Path:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / ".emacm"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise OSError(f"cannot write to the folder {folder}: {error}") from error
-    return folder
 
 
 def run(arguments: Sequence[str] | None = None) -> None:

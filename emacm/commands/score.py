@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import io
 import json
 import os
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -26,6 +26,7 @@ from emacm.files.layout import Layout
 from emacm.models.model_files import load_model
 from emacm.models.scoring import check_model, score_columns, scored_rows
 from emacm.recordings.digests import digest_of_file
+from emacm.reports.facts import decisions_of
 
 Row = dict[str, Any]
 
@@ -57,8 +58,7 @@ class ResultTable:
         self.path, self.columns = path, list(columns)
         self._parquet = path.suffix == ".parquet"
         self._written = path.with_name(path.name + ".jsonl") if self._parquet else path
-        self._as_lines = self._written.suffix == ".jsonl"
-        self._file: TextIO | None = None
+        self._as_json = self._written.suffix == ".jsonl"
 
     def read(self) -> list[Row]:
         """Return the rows that were written before; an incomplete last row is left out."""
@@ -68,55 +68,49 @@ class ResultTable:
         complete = text[: text.rfind("\n") + 1]
         if not complete:
             return []
-        if self._as_lines:
+        if self._as_json:
             frame = pd.DataFrame([json.loads(line) for line in complete.splitlines()])
         else:
             frame = pd.read_csv(io.StringIO(complete), dtype=str, keep_default_na=False)
         return _rows_of(frame, self.columns, self.path)
 
-    def start(self, rows: Iterable[Row]) -> None:
-        """Begin the file with these rows."""
-        unfinished = self._written.with_name(f".{self._written.name}.{os.getpid()}.part")
-        with open(unfinished, "w", encoding="utf-8", newline="") as file:
-            if not self._as_lines:
-                csv.writer(file, lineterminator="\n").writerow(self.columns)
-            file.writelines(self._line(row) for row in rows)
-        os.replace(unfinished, self._written)
-        self._file = open(self._written, "a", encoding="utf-8", newline="")  # noqa: SIM115
+    def write(self, rows: Sequence[Row]) -> None:
+        """Write these rows in place of all others."""
+        text = lines_of(rows, self.columns, as_json=self._as_json, heading=True)
+        with _in_place_of(self._written) as unfinished:
+            unfinished.write_text(text, encoding="utf-8", newline="")
 
     def append(self, row: Row) -> None:
         """Write one row to the disk."""
-        assert self._file is not None, "start the table first"
-        self._file.write(self._line(row))
-        self._file.flush()
+        with open(self._written, "a", encoding="utf-8", newline="") as file:
+            file.write(lines_of([row], self.columns, as_json=self._as_json))
 
     def finish(self, rows: Sequence[Row]) -> None:
-        """Write these rows in place of all others, and close the file."""
-        if self._file is not None:
-            self._file.close()
-        self.start(rows)
-        assert self._file is not None
-        self._file.close()
+        """Write these rows in place of all others, in the type of the file."""
+        self.write(rows)
         if self._parquet:
-            frame = pd.DataFrame(list(rows), columns=self.columns)
-            unfinished = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
-            frame.to_parquet(unfinished, index=False)
-            os.replace(unfinished, self.path)
+            with _in_place_of(self.path) as unfinished:
+                pd.DataFrame(rows, columns=self.columns).to_parquet(unfinished, index=False)
             self._written.unlink()
 
-    def _line(self, row: Row) -> str:
-        return line_of(row, self.columns, as_json=self._as_lines)
+
+@contextmanager
+def _in_place_of(path: Path) -> Iterator[Path]:
+    """Yield a file to be written, which then replaces another one as a whole."""
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
+    yield unfinished
+    os.replace(unfinished, path)
 
 
-def line_of(row: Row, columns: Sequence[str], *, as_json: bool) -> str:
-    """Return a row as one line of JSON or CSV; numbers so that they are read back exactly."""
-    values = {name: _plain(row.get(name)) for name in columns}
+def lines_of(
+    rows: Sequence[Row], columns: Sequence[str], *, as_json: bool = False, heading: bool = False
+) -> str:
+    """Return rows as lines of JSON or CSV; numbers so that they are read back exactly."""
+    table = [{name: _plain(row.get(name)) for name in columns} for row in rows]
     if as_json:
-        return json.dumps(values, ensure_ascii=False) + "\n"
-    buffer = io.StringIO()
-    texts = ["" if value is None else value for value in values.values()]
-    csv.writer(buffer, lineterminator="\n").writerow(texts)
-    return buffer.getvalue()
+        return "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in table)
+    frame = pd.DataFrame(table, columns=columns, dtype=object)
+    return frame.to_csv(index=False, header=heading, lineterminator="\n")
 
 
 def _plain(value: Any) -> Any:
@@ -160,14 +154,13 @@ def run(options: argparse.Namespace) -> int:
     work = _Work(model, layout, options)
     if options.watch is None:
         check_paths(options.paths)
-    while True:
-        rows = work.once()
-        if options.watch is None:
-            break
+    rows = work.once()
+    while options.watch is not None:
         time.sleep(options.watch)
+        rows = work.once()
     if options.out is not None:
         print(_summary(rows, options.out))
-    if any(row["decision"] in alarms for row in rows):
+    if any(str(row["decision"]) in alarms for row in rows):
         return ALARM
     return FAILED if any(row["error"] for row in rows) else 0
 
@@ -190,17 +183,16 @@ class _Work:
 
             self._reports = FileReports(options, layout, options.report)
         if self._table is None:
-            sys.stdout.write(
-                line_of(dict(zip(columns, columns, strict=True)), columns, as_json=False)
-            )
+            print(lines_of([], columns, heading=True), end="")
         elif not options.again:
-            self._done = _without_errors(self._table.read())
+            rows = self._table.read()  # files that failed are tried again
+            self._done = {(r["recording"], r["digest"]): r for r in rows if not r["error"]}
 
     def once(self, at_once: int = 32) -> list[Row]:
         """Decide on the files that are new, `at_once` between two writes, and return all rows."""
         paths, rows = list(self._paths()), []
         if self._table is not None:
-            self._table.start(self._done.values())
+            self._table.write([*self._done.values()])
         for first in range(0, len(paths), at_once):
             rows += self._rows(paths[first : first + at_once])
             self._report(len(rows), len(paths))
@@ -244,8 +236,7 @@ class _Work:
             if self._table is not None:
                 self._table.append(row)
             else:
-                sys.stdout.write(line_of(row, self._columns, as_json=False))
-                sys.stdout.flush()
+                print(lines_of([row], self._columns), end="", flush=True)
         return [row for row in known if row is not None]
 
     def _report(self, done: int, total: int, every: float = 5.0) -> None:
@@ -253,11 +244,6 @@ class _Work:
         if time.monotonic() - self._reported > every:
             self._reported = time.monotonic()
             print(f"{done} of {total} files", file=sys.stderr)
-
-
-def _without_errors(rows: Sequence[Row]) -> dict[tuple[str, str], Row]:
-    """Return the rows with a decision, by file and digest; files that failed are tried again."""
-    return {(row["recording"], row["digest"]): row for row in rows if not row["error"]}
 
 
 def set_costs(model: Any, cost: Path | None, priors: str | None) -> None:
@@ -271,13 +257,10 @@ def set_costs(model: Any, cost: Path | None, priors: str | None) -> None:
     final = final_estimator(model)
     while isinstance(final, ConditionRouter):
         final = final_estimator(final.estimator)
-    given: dict[str, Any] = {}
     if cost is not None:
-        given["cost"] = pd.read_csv(cost, index_col=0)
+        final.set_params(cost=pd.read_csv(cost, index_col=0))
     if priors is not None:
-        given["priors"] = priors if priors == "uniform" else _priors(priors)
-    if given:
-        final.set_params(**given)
+        final.set_params(priors=priors if priors == "uniform" else _priors(priors))
     if hasattr(model, "classes_") and hasattr(final, "cost"):
         _ = (final if not hasattr(model, "cost_") else model).cost_, getattr(final, "priors_", None)
 
@@ -292,17 +275,13 @@ def _priors(text: str) -> dict[str, float]:
         ) from error
 
 
-def _alarms(model: Any, text: str) -> set[Any]:
-    """Return the decisions of ``--fail-on``, as the model has them."""
-    known = getattr(model, "decisions_", None)
-    if known is None:
-        known = getattr(final_estimator(model), "decisions_", model.classes_)
-    decisions = {str(label): label for label in np.asarray(known).tolist()}
-    wanted = [name.strip() for name in text.split(",") if name.strip()]
-    for name in wanted:
-        if name not in decisions:
-            raise ValueError(f"--fail-on names {name!r}; the decisions are {list(decisions)}.")
-    return {*wanted, *(decisions[name] for name in wanted)}
+def _alarms(model: Any, text: str) -> set[str]:
+    """Return the decisions of ``--fail-on``."""
+    decisions = [str(label) for label in decisions_of(model)]
+    wanted = {name.strip() for name in text.split(",") if name.strip()}
+    for name in wanted.difference(decisions):
+        raise ValueError(f"--fail-on names {name!r}; the decisions are {decisions}.")
+    return wanted
 
 
 def _summary(rows: Sequence[Row], out: Path) -> str:

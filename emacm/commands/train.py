@@ -17,6 +17,7 @@ from emacm.commands.score import set_costs
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import groups_options
 from emacm.evaluation.evaluate import evaluate
+from emacm.evaluation.results import as_texts
 from emacm.files.folder import RecordingFolder
 from emacm.files.layout import Layout
 from emacm.models.model_files import save_model
@@ -24,7 +25,10 @@ from emacm.models.recipes import actuator_recipe
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.meta import read_meta
+from emacm.reports.facts import healthy_label
 from emacm.resampling.order_resampler import OrderResampler
+
+RATES = ("false_alarm_rate", "inspection_rate", "missed_detection_rate")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -45,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
         )
     labels = read_meta(recordings, options.labels, role="--labels")
     groups = read_meta(recordings, options.groups, role="--groups")
-    healthy = _healthy(options.healthy, labels)
+    healthy = healthy_label(labels, options.healthy, "--healthy")
     max_order, revolutions = extent(recordings, options)
     model = _model(options.recipe, max_order, revolutions, options.min_speed)
     set_costs(model, options.cost, options.priors)
@@ -56,24 +60,13 @@ def run(options: argparse.Namespace) -> int:
     print(pd.Series(labels).value_counts().sort_index().to_string())
     with parallel_config(n_jobs=options.jobs):
         found = evaluate(model, recordings, labels, units=groups, healthy=healthy)
-    print(rates_table(found.table).to_string())
+    print(as_texts(found.table, RATES).to_string())
     for caveat in found.caveats:
         print(f"- {caveat}")
     model.fit(recordings, labels, **groups_options(model, groups))
     save_model(model, options.out, note=options.note)
     print(f"Model: {options.out}")
     return 0
-
-
-def _healthy(name: str | None, labels: list[Any]) -> Any:
-    known = {str(label): label for label in labels}
-    for candidate in ("healthy", "normal") if name is None else (name,):
-        if candidate in known:
-            return known[candidate]
-    raise ValueError(
-        f"--healthy must name the label of healthy recordings, which the rates need; the labels "
-        f"are {sorted(known)}."
-    )
 
 
 def extent(
@@ -118,15 +111,3 @@ def order_levels(
         BinTransformer(max(1.0, 2 / revolutions), max_order=max_order),
         FunctionTransformer(np.log10, feature_names_out="one-to-one"),
     ]
-
-
-def rates_table(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the three rates of each hold-out scheme as texts with confidence intervals."""
-
-    def text(row: pd.Series, name: str) -> str:
-        return f"{row[name]:.3f} ({row[f'{name}_low']:.3f} to {row[f'{name}_high']:.3f})"
-
-    kinds = ("false_alarm_rate", "inspection_rate", "missed_detection_rate")
-    rates = [name for name in kinds if name in table.columns]
-    columns = {name: [text(row, name) for _, row in table.iterrows()] for name in rates}
-    return pd.DataFrame(columns, index=table.index)

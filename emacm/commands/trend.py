@@ -16,6 +16,7 @@ from emacm.commands.train import extent, order_levels
 from emacm.files.folder import RecordingFolder, open_recording
 from emacm.files.layout import Layout
 from emacm.recordings.meta import read_meta
+from emacm.reports.facts import healthy_label
 from emacm.reports.inputs import known_times, read_results, value_of, with_units_and_times
 
 ALARM, FAILED = 1, 3  # exit status
@@ -31,12 +32,14 @@ def run(options: argparse.Namespace) -> int:
         files failed.
     """
     layout = Layout.from_toml(options.layout)
-    table = (
-        _from_files(options, layout) if options.results is None else _from_results(options, layout)
-    )
+    found = _from_files if options.results is None else _from_results
+    table = found(options, layout)
     table.to_csv(sys.stdout if options.out is None else options.out, index=False)
     if options.plot is not None:
-        _plot(table, options)
+        from emacm.displays.monitoring import TrendDisplay  # matplotlib is needed only here
+
+        display = TrendDisplay(table, time_label=options.time or "time").plot()
+        display.figure_.savefig(options.plot, dpi=150)
     latest = table[table["error"] == ""].groupby("unit", sort=True).tail(1)
     if options.out is not None:
         for row in latest.rename(columns={"index": "value"}).itertuples():
@@ -58,11 +61,17 @@ def _from_files(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
     check_paths([options.healthy, *options.paths])
     healthy = RecordingFolder(options.healthy, layout)
     groups = read_meta(healthy, options.groups, role="--groups")
-    units = None if options.unit is None else read_meta(healthy, options.unit, role="--unit")
+    units = new_units = None
+    paths = expanded(options.paths)
+    if options.unit is not None:
+        units = read_meta(healthy, options.unit, role="--unit")
+        new_units = [value_of(path, layout, options.unit) for path in paths]
     steps = order_levels(*extent(healthy, options), options.min_speed)
     model = make_pipeline(*steps, HealthIndex(options.false_alarm))
     model.fit(healthy, healthindex__groups=groups, healthindex__units=units)
-    return _trend(model, options, layout)
+    recordings = [open_recording(path, layout) for path in paths]
+    times = known_times(paths, layout, options.time)
+    return health_trend(model, recordings, unit=new_units, time=times)
 
 
 def _from_results(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
@@ -72,7 +81,8 @@ def _from_results(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
     false_alarm = check_number(options.false_alarm, "--false-alarm", above=0, below=1)
     found = with_units_and_times(read_results(options.results), layout, options.unit, options.time)
     with located(str(options.results)):
-        healthy = _healthy_column(found, options.state)
+        states = [name[2:-1] for name in found.columns if name.startswith("P(")]
+        healthy = f"P({healthy_label(states, options.state, '--state')})"
         columns = [name for name in (healthy, "typicality") if name in found.columns]
         values = found[columns].apply(pd.to_numeric, errors="coerce")
     least = values.min(axis=1).clip(lower=np.finfo(np.float64).tiny)  # NaN is left out
@@ -90,33 +100,3 @@ def _from_results(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
         }
     )
     return table.sort_values(["unit", "time"], kind="stable", ignore_index=True)
-
-
-def _healthy_column(table: pd.DataFrame, state: str | None) -> str:
-    """Return the column with the probability of the healthy state."""
-    wanted = ("healthy", "normal") if state is None else (state,)
-    known = [name for name in table.columns if name.startswith("P(")]
-    for name in wanted:
-        if f"P({name})" in known:
-            return f"P({name})"
-    raise ValueError(
-        f"it has no column {' or '.join(f'P({name})' for name in wanted)}. State the healthy state "
-        f"by --state; the probabilities in it are {known}."
-    )
-
-
-def _trend(model: object, options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
-    paths = expanded(options.paths)
-    recordings = [open_recording(path, layout) for path in paths]
-    times = known_times(paths, layout, options.time)
-    units = None
-    if options.unit is not None:
-        units = [value_of(path, layout, options.unit) for path in paths]
-    return health_trend(model, recordings, unit=units, time=times)
-
-
-def _plot(table: pd.DataFrame, options: argparse.Namespace) -> None:
-    from emacm.displays.monitoring import TrendDisplay  # matplotlib is needed only here
-
-    display = TrendDisplay(table, time_label=options.time or "time").plot()
-    display.figure_.savefig(options.plot, dpi=150)

@@ -13,7 +13,7 @@ import pandas as pd
 import sklearn
 
 from emacm._version import __version__
-from emacm.decisions.pipelines import fitted_resamplers
+from emacm.decisions.pipelines import final_estimator, fitted_resamplers
 from emacm.recordings.recording import Recording
 
 _CERTAIN = 0.99  # beyond it, no probability of a model is known more exactly
@@ -136,6 +136,37 @@ Facts = list[tuple[str, str]]
 
 _MOST = 12  # channels, classes and entries of meta that are listed
 _DIGITS = 16  # of a digest
+
+
+def decisions_of(model: Any) -> list[Any]:
+    """Return the decisions that a fitted classifier can make."""
+    return np.asarray(getattr(final_estimator(model), "decisions_", model.classes_)).tolist()
+
+
+def healthy_label(
+    labels: Sequence[Any], name: Any, parameter: str, *, required: bool = True
+) -> Any:
+    """Return the label of the healthy state: that of this name, by default "healthy" or "normal".
+
+    Raises
+    ------
+    ValueError
+        If there is none. By default, None is returned for `name` = None if it is not `required`.
+
+    Examples
+    --------
+    >>> healthy_label(["normal", "worn"], None, "--healthy"), healthy_label([0, 1], "0", "healthy")
+    ('normal', 0)
+    """
+    names = ("healthy", "normal") if name is None else (str(name),)
+    found = [label for text in names for label in labels if str(label) == text]
+    if not found and (required or name is not None):
+        known = sorted({str(label) for label in labels})
+        raise ValueError(
+            f"{parameter} must name the healthy state (default: healthy or normal), one of {known}; "
+            f"got {name!r}."
+        )
+    return found[0] if found else None
 
 
 def recording_facts(recording: Recording, name: str) -> Facts:

@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from emacm.machine.fault_lines import fault_series
@@ -17,8 +16,8 @@ from emacm.models.model_files import describe_model, load_model
 from emacm.models.scoring import check_model
 from emacm.recordings.inputs import as_list
 from emacm.recordings.meta import read_meta
-from emacm.reports.facts import when
-from emacm.reports.pages import HEALTHY, Page, Settings, page_of
+from emacm.reports.facts import decisions_of, healthy_label, when
+from emacm.reports.pages import Page, Settings, page_of
 from emacm.reports.pictures import Picture
 
 
@@ -118,6 +117,7 @@ def maintenance_report(
     Examples
     --------
     >>> import tempfile
+    >>> import numpy as np
     >>> from emacm import CostSensitiveGaussianBayes, OrderPSD, OrderResampler, Recording
     >>> from emacm import maintenance_report
     >>> from sklearn.pipeline import make_pipeline
@@ -225,11 +225,7 @@ def read_settings(
         file = Path(model)
         about, model = describe_model(file), load_model(file)
     classes = check_model(model)
-    if healthy is None:
-        healthy = next((label for label in classes if str(label) in HEALTHY), None)
-    elif healthy not in classes:
-        listed = np.asarray(classes).tolist()
-        raise ValueError(f"healthy must be one of the classes {listed}, got {healthy!r}.")
+    healthy = healthy_label(classes, healthy, "healthy", required=False)
     if parts is not None:
         fault_series(parts, 1)  # raises if one is invalid
     return Settings(model, about, file, _actions(actions, model), parts, healthy, background)
@@ -240,9 +236,7 @@ def _actions(actions: Any, model: Any) -> dict[str, str] | None:
         return None
     if not isinstance(actions, Mapping):
         raise TypeError(f"actions must map decisions to texts, got {type(actions).__name__}.")
-    final = model.steps[-1][1] if hasattr(model, "steps") else model
-    known = getattr(model, "decisions_", getattr(final, "decisions_", model.classes_))
-    decisions = [str(label) for label in np.asarray(known).tolist()]
+    decisions = [str(label) for label in decisions_of(model)]
     for label, text in actions.items():
         if str(label) not in decisions or not isinstance(text, str):
             raise ValueError(

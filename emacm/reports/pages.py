@@ -50,7 +50,6 @@ def order_spectra(model: Any, recording: Recording) -> Spectra:
 
 
 _AS_A_LIST = re.compile(r"^recording 0( \([^)]*\))?: ")  # how messages name the only recording
-HEALTHY = ("healthy", "normal")  # names of the healthy state, unless it is given
 
 
 @dataclass(frozen=True)

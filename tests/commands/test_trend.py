@@ -130,8 +130,11 @@ def test_results_give_the_trend_of_the_rarer_of_health_and_typicality(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ([], "it has no column P(healthy) or P(normal). State the healthy state by --state"),
-        (["--state", "old"], "it has no column P(old)"),
+        (
+            [],
+            "--state must name the healthy state (default: healthy or normal), one of ['ok', 'worn']",
+        ),
+        (["--state", "old"], "got 'old'"),
         (["--state", "ok", "--groups", "day"], "leave out HEALTHY and --groups"),
         (["--state", "ok", "--false-alarm", "2"], "--false-alarm must be"),
     ],

@@ -310,7 +310,7 @@ def test_actions_are_those_of_the_table():
         ({"actions": {"worn": "Look."}}, ValueError, "action for 'worn'"),
         ({"actions": {"healthy": 3}}, ValueError, "action for 'healthy'"),
         ({"actions": "none"}, TypeError, "must map decisions to texts"),
-        ({"healthy": "good"}, ValueError, "healthy must be one of the classes"),
+        ({"healthy": "good"}, ValueError, "healthy must name the healthy state"),
         ({"parts": "bearing"}, TypeError, "part 0 must be a Bearing"),
     ],
 )
