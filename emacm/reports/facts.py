@@ -163,8 +163,8 @@ def healthy_label(
     if not found and (required or name is not None):
         known = sorted({str(label) for label in labels})
         raise ValueError(
-            f"{parameter} must name the healthy state (default: healthy or normal), one of {known}; "
-            f"got {name!r}."
+            f"{parameter} must name the healthy state (default: healthy or normal), one of "
+            f"{known}; got {name!r}."
         )
     return found[0] if found else None
 

@@ -108,7 +108,7 @@ def test_costs_and_priors_of_the_command_are_in_the_saved_model(here):
     [
         (
             ["--healthy", "good"],
-            "--healthy must name the healthy state (default: healthy or normal), one of ['healthy', 'worn'];",
+            "--healthy must name the healthy state",
         ),
         (["--labels", "condition"], "has no meta key 'condition'"),
         (["--priors", "x"], "--priors must be 'uniform'"),

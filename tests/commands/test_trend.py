@@ -132,7 +132,7 @@ def test_results_give_the_trend_of_the_rarer_of_health_and_typicality(
     [
         (
             [],
-            "--state must name the healthy state (default: healthy or normal), one of ['ok', 'worn']",
+            "--state must name the healthy state",
         ),
         (["--state", "old"], "got 'old'"),
         (["--state", "ok", "--groups", "day"], "leave out HEALTHY and --groups"),
