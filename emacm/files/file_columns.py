@@ -77,17 +77,14 @@ class FileColumns:
             If there is none, or several match.
         """
         known = [*self.columns, *(self.numbers if numbers else ())]
-        plain = split_unit(wanted)[0]
-        for name in (wanted, plain):
-            if name in known:
-                return name
-        found = [name for name in known if fnmatchcase(name, plain)]
-        found = found or [name for name in known if re.split(r"[/.]", name)[-1] == plain]
+        wanted = self.chosen(wanted)
+        found = _matching(wanted, known)
         if len(found) == 1:
             return found[0]
         if found:
             several = f"{wanted!r} matches several columns: {_listed(found)}."
             raise ValueError(f"{several} Name one of them.")
+        plain = split_unit(wanted)[0]
         if plain in self.ignored:
             raise ValueError(
                 f"{plain!r} {self.ignored[plain]}; it cannot be a channel or the shaft. Store it "
@@ -100,10 +97,26 @@ class FileColumns:
 
     def has(self, wanted: str) -> bool:
         """Tell whether a name of a layout is that of one column or number."""
-        try:
-            return bool(self.find(wanted, numbers=True))
-        except ValueError:
-            return False
+        return len(_matching(wanted, [*self.columns, *self.numbers])) == 1
+
+    def chosen(self, wanted: str) -> str:
+        """Return the first of alternative names that the file has, or that is a constant speed.
+
+        Examples
+        --------
+        >>> FileColumns({"x0": [0.0, 1.0]}).chosen("vibration|x0")
+        'x0'
+        """
+        names = (wanted, *map(str.strip, wanted.split("|")))
+        return next((name for name in names if self.has(name) or constant_speed(name)), wanted)
+
+
+def _matching(wanted: str, known: Sequence[str]) -> list[str]:
+    """Return the names that a name of a layout means, which may have wildcards and a unit."""
+    plain = split_unit(wanted)[0]
+    exact = [name for name in (wanted, plain) if name in known]
+    found = exact[:1] or [name for name in known if fnmatchcase(name, plain)]
+    return found or [name for name in known if re.split(r"[/.]", name)[-1] == plain]
 
 
 def recording_arguments(content: FileColumns, layout: Layout) -> dict[str, Any]:
@@ -130,8 +143,6 @@ def recording_arguments(content: FileColumns, layout: Layout) -> dict[str, Any]:
     if not content.columns:
         raise ValueError(_without_signal(content))
     _check_units(content, layout)
-    if "|" in layout.key:
-        layout = layout.with_names_of(content.has)
     times = _time_column(content, layout)
     shaft = _shaft_column(content, layout)
     channels = _channel_columns(content, layout, times, shaft)
@@ -199,7 +210,7 @@ def _time_column(content: FileColumns, layout: Layout) -> str | None:
 def _shaft_column(content: FileColumns, layout: Layout) -> str | None:
     """Return the column (or the number) of the shaft; None for a constant speed."""
     velocity = layout.velocity
-    if isinstance(velocity, str) and not constant_speed(velocity):
+    if isinstance(velocity, str) and not constant_speed(content.chosen(velocity)):
         return content.find(velocity, numbers=True)
     if velocity is not None:
         return None
@@ -224,7 +235,7 @@ def _channel_columns(
     if isinstance(chosen, Mapping):
         return {name: content.find(column) for name, column in chosen.items()}
     if chosen is not None:
-        return {split_unit(name)[0]: content.find(name) for name in chosen}
+        return {split_unit(name.partition("|")[0])[0]: content.find(name) for name in chosen}
     ignored = {times, shaft}
     if layout.time is False:
         ignored |= {name for name in content.columns if is_time_name(name)}
@@ -344,7 +355,7 @@ def _shaft(
     if column is None:
         speed, unit = layout.velocity, layout.unit_of("velocity", "speed") or "rad/s"
         if isinstance(speed, str):
-            speed, unit = constant_speed(speed) or (0.0, "")
+            speed, unit = constant_speed(content.chosen(speed)) or (0.0, "")
         return {"velocity": float(speed) * unit_factor(unit, "velocity"), "shaft_fs": fs}
     kind = "angle" if layout.angle is not None else "velocity"
     if column in content.numbers:
@@ -365,7 +376,7 @@ def _shaft(
 def _shaft_unit(content: FileColumns, layout: Layout, column: str, kind: str) -> str:
     """Return the unit of the shaft column; rad or rad/s if nothing suggests another."""
     wanted = layout.velocity if kind == "velocity" else layout.angle
-    stated = layout.unit_of(column, kind) or split_unit(str(wanted))[1]
+    stated = layout.unit_of(column, kind) or split_unit(content.chosen(str(wanted)))[1]
     known = content.units.get(column, "")
     if stated and known and unit_factor(stated, kind) != unit_factor(known, kind):
         raise ValueError(_other_unit(stated, column, known))

@@ -6,7 +6,7 @@ import os
 import re
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from math import isfinite
 from numbers import Real
@@ -149,52 +149,15 @@ class Layout:
 
     def unit_of(self, *names: str) -> str:
         """Return the unit that the layout states for the first of these names, or ""."""
-        stated = [self.time, self.velocity, self.angle, self.tacho_column]
-        known = dict(split_unit(text) for text in stated if isinstance(text, str)) | self.units
+        texts = (self.time, self.velocity, self.angle, self.tacho_column)
+        stated = [part for text in texts if isinstance(text, str) for part in text.split("|")]
+        known = dict(map(split_unit, map(str.strip, stated))) | self.units
         return next((known[name] for name in names if known.get(name)), "")
 
     @property
     def tacho_column(self) -> str | None:
         """Column of the tachometer."""
         return self.tacho["column"] if isinstance(self.tacho, Mapping) else self.tacho
-
-    def with_names_of(self, has: Callable[[str], bool]) -> Layout:
-        """Return the layout with one name in place of alternatives: the first that a file has.
-
-        Parameters
-        ----------
-        has : callable
-            Tells whether the file has a column or number of a name.
-
-        Returns
-        -------
-        Layout
-            Alternatives none of which the file has are kept as they are.
-
-        Examples
-        --------
-        >>> layout = Layout(channels=["vibration|x0"], velocity="speed|1500 rpm")
-        >>> chosen = layout.with_names_of({"x0", "x1"}.__contains__)
-        >>> chosen.channels, chosen.velocity
-        ({'vibration': 'x0'}, '1500 rpm')
-        """
-
-        def one(value: Any) -> Any:
-            if not isinstance(value, str) or "|" not in value or has(value):
-                return value
-            names = [name.strip() for name in value.split("|")]
-            return next((name for name in names if has(name) or constant_speed(name)), value)
-
-        single = ("fs", "time", "velocity", "angle", "tacho")
-        changes = {name: one(getattr(self, name)) for name in single}
-        if isinstance(self.tacho, Mapping):
-            changes["tacho"] = {**self.tacho, "column": one(self.tacho["column"])}
-        channels = self.channels
-        if channels is not None and not isinstance(channels, Mapping):
-            channels = {split_unit(name.partition("|")[0])[0]: name for name in channels}
-        if channels is not None:
-            changes["channels"] = {name: one(column) for name, column in channels.items()}
-        return replace(self, **changes)
 
     def meta_of(self, path: str | os.PathLike[str]) -> dict[Any, Any]:
         """Return the meta of a file.

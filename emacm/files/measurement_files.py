@@ -5,13 +5,12 @@ from __future__ import annotations
 import importlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy  # scipy.io is imported when it is used
-from numpy.typing import NDArray
 
 from emacm.files.file_columns import FileColumns, RefusedFileError
 from emacm.files.sample_times import rate_of_times
@@ -33,28 +32,21 @@ def optional_library(name: str, kind: str, extra: str = "files") -> Any:
         ) from error
 
 
-def array_columns(name: str, values: Any) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield the columns of an array: itself, or of two dimensions, those along the shorter one.
-
-    Examples
-    --------
-    >>> [name for name, _ in array_columns("vibration", np.zeros((2, 500)))]
-    ['vibration.0', 'vibration.1']
-    """
-    array = np.squeeze(np.asarray(values))
-    if array.ndim == 1:
-        yield name, array
-    elif array.ndim == 2:
-        rows = array if array.shape[0] <= array.shape[1] else array.T
-        yield from ((f"{name}.{number}", row) for number, row in enumerate(rows))
-
-
 def add_array(content: FileColumns, name: str, values: Any) -> None:
     """Add a numeric array to the content of a file, its fields, or a single number.
 
-    What is not added is noted with the reason.
+    Of two dimensions, the columns are those along the shorter one. What is not added is noted with
+    the reason.
+
+    Examples
+    --------
+    >>> content = FileColumns()
+    >>> add_array(content, "vibration", np.zeros((2, 500)))
+    >>> [*content.columns]
+    ['vibration.0', 'vibration.1']
     """
     array = np.asarray(values)
+    plain = np.squeeze(array)
     if array.dtype.names:
         for field in array.dtype.names:
             add_array(content, f"{name}.{field}", array[field])
@@ -66,10 +58,13 @@ def add_array(content: FileColumns, name: str, values: Any) -> None:
         content.ignored[name] = f"holds {_OTHERS.get(array.dtype.kind, 'no numbers')}"
     elif array.size == 1 and array.dtype.kind != "c":
         content.numbers[name] = float(array.reshape(()))
-    elif np.squeeze(array).ndim > 2:
-        content.ignored[name] = f"has {array.ndim} dimensions {array.shape}"
+    elif plain.ndim == 1:
+        content.columns[name] = plain
+    elif plain.ndim == 2:
+        rows = plain if plain.shape[0] <= plain.shape[1] else plain.T
+        content.columns |= {f"{name}.{number}": row for number, row in enumerate(rows)}
     else:
-        content.columns.update(array_columns(name, array))
+        content.ignored[name] = f"has {array.ndim} dimensions {array.shape}"
 
 
 def read_npz(path: Path, content: FileColumns) -> None:
@@ -114,7 +109,7 @@ def read_mat(path: Path, content: FileColumns) -> None:
     with open(path, "rb") as file:
         start = file.read(520)
     if b"\x89HDF\r\n\x1a\n" in (start[:8], start[512:]):
-        _add_groups(content, path)
+        read_hdf5(path, content, separator=".")
     else:
         for name, value in scipy.io.loadmat(path, simplify_cells=True).items():
             if not name.startswith("__"):
@@ -135,18 +130,6 @@ def _add_variable(content: FileColumns, name: str, value: Any) -> None:
     else:
         kind = "is sparse" if scipy.sparse.issparse(value) else "is a text"
         content.ignored[name] = f"{kind}, no array of numbers"
-
-
-def _add_groups(content: FileColumns, path: Path) -> None:
-    h5py = optional_library("h5py", "MAT 7.3")
-
-    def add(name: str, node: Any) -> None:
-        kind = node.attrs.get("MATLAB_class", b"")
-        if isinstance(node, h5py.Dataset) and kind not in (b"char", b"cell") and "#" not in name:
-            add_array(content, name.replace("/", "."), node[()])
-
-    with h5py.File(path, "r") as file:
-        file.visititems(add)
 
 
 def read_parquet(path: Path, content: FileColumns) -> None:
@@ -174,22 +157,25 @@ def read_parquet(path: Path, content: FileColumns) -> None:
     _add_attributes(content, "", stored | json.loads(stored.get("PANDAS_ATTRS", "{}")))
 
 
-def read_hdf5(path: Path, content: FileColumns) -> None:
-    """Add the numeric data sets of an HDF5 file as "group/name".
+def read_hdf5(path: Path, content: FileColumns, *, separator: str = "/") -> None:
+    """Add the numeric data sets of an HDF5 file, such as MAT 7.3, as "group/name".
 
     Attributes "fs" (or sampling_rate) and "unit" of a data set hold for it, those of a group for
     all of its data sets.
     """
-    h5py = optional_library("h5py", "HDF5")
+    h5py = optional_library("h5py", "HDF5 and MAT 7.3")
 
-    def add(name: str, node: Any) -> None:
+    def add(path: str, node: Any) -> None:
+        name = path.replace("/", separator)
         if isinstance(node, h5py.Dataset):
+            if path.startswith("#") or node.attrs.get("MATLAB_class") in (b"char", b"cell"):
+                return
             before = set(content.columns)
             add_array(content, name, node[()])
             for column in set(content.columns) - before:
                 _add_attributes(content, column, node.attrs, own=True)
         elif isinstance(node, h5py.Group):
-            _add_attributes(content, f"{name}/", node.attrs)
+            _add_attributes(content, name + separator, node.attrs)
 
     with h5py.File(path, "r") as file:
         _add_attributes(content, "", file.attrs)

@@ -96,13 +96,9 @@ def _check_file(path: Path) -> None:
 
 def _other_kind(path: Path) -> str:
     """Return a sentence on what a file is that cannot be read as its suffix says; "" if unknown."""
-    start = _start(path).removeprefix(b"\xef\xbb\xbf").lstrip()
+    with open(path, "rb") as file:
+        start = file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip()
     for first, what, suffixes in _KINDS:
         if start.startswith(first) and path.suffix.lower() not in suffixes:
             return f" Its first bytes are those of another kind of file: it is {what}."
     return ""
-
-
-def _start(path: Path) -> bytes:
-    with open(path, "rb") as file:
-        return file.read(64)
