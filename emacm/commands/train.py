@@ -28,8 +28,6 @@ from emacm.recordings.meta import read_meta
 from emacm.reports.facts import healthy_label
 from emacm.resampling.order_resampler import OrderResampler
 
-RATES = ("false_alarm_rate", "inspection_rate", "missed_detection_rate")
-
 
 def run(options: argparse.Namespace) -> int:
     """Fit, evaluate and save a model, and print its rates.
@@ -60,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
     print(pd.Series(labels).value_counts().sort_index().to_string())
     with parallel_config(n_jobs=options.jobs):
         found = evaluate(model, recordings, labels, units=groups, healthy=healthy)
-    print(as_texts(found.table, RATES).to_string())
+    print(as_texts(found.table).filter(like=" rate").to_string())
     for caveat in found.caveats:
         print(f"- {caveat}")
     model.fit(recordings, labels, **groups_options(model, groups))
