@@ -14,9 +14,9 @@ from sklearn.covariance import LedoitWolf
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_count, check_number, check_table
+from emacm._checks import check_count, check_number, check_table, located
 from emacm._saved import SavedEstimator
-from emacm.calibration.left_out import groups_needed, left_out
+from emacm.calibration.left_out import grouped_quantile, left_out
 from emacm.recordings.inputs import as_list
 from emacm.recordings.meta import read_grouping, read_meta
 
@@ -258,22 +258,14 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         if self.false_alarm is None:
             return float("nan")
         kind = _UNIT if unit is not None and unit in self.units_ else _POPULATION
-        left = self.left_out_[self.left_out_["baseline"] == kind].sort_values("index")
-        groups, needed = left.groupby("group")["index"], groups_needed(1 - self.false_alarm)
-        if groups.ngroups < needed:
-            what = "units or groups"
-            if kind == _UNIT:
-                what = f"groups of units with {self.min_baseline} further recordings"
-            raise ValueError(
-                f"a limit with a false alarm rate of {self.false_alarm:g} needs at least {needed} "
-                f"{what} that can be left out, but there are {groups.ngroups}: the smallest "
-                f"possible rate is {1 / (groups.ngroups + 1):.2g}. Raise false_alarm, fit on more "
-                f"of them, or set it to None for an index without limit."
-            )
-        # Each group counts the same, and one more is taken to be beyond all.
-        reached = np.cumsum(1 / groups.transform("size").to_numpy())
-        enough = reached >= (1 - self.false_alarm) * (groups.ngroups + 1) - 1e-9
-        return float(left["index"].to_numpy()[np.argmax(enough)])
+        left = self.left_out_[self.left_out_["baseline"] == kind]
+        name = "units or groups"
+        if kind == _UNIT:
+            name = f"groups of units with {self.min_baseline} further recordings"
+        groups, rate = pd.factorize(left["group"])[0], self.false_alarm
+        with located(f"limit for false_alarm={rate:g} (1 - coverage; None: index without limit)"):
+            values = left["index"].to_numpy()
+            return grouped_quantile(values, groups, 1 - rate, name=name, beyond=1)
 
     def trend(self, X: Any, times: ArrayLike, units: ArrayLike | None = None) -> pd.DataFrame:
         """Return the index of each unit over time or cycles, with its limit.

@@ -361,6 +361,7 @@ def grouped_quantile(
     weight: ArrayLike | None = None,
     *,
     name: str = "units",
+    beyond: int = 0,
 ) -> float:
     """Return the least of some values up to which a fraction of the distribution lies.
 
@@ -379,6 +380,9 @@ def grouped_quantile(
         Further weights of the values.
     name : str
         What the groups are, for the message.
+    beyond : int, default=0
+        Further groups that are taken to be beyond all values. With 1, a new group that is
+        exchangeable with the others is below the quantile as often as stated [1]_.
 
     Returns
     -------
@@ -389,13 +393,19 @@ def grouped_quantile(
     ValueError
         If there are fewer groups than ``coverage / (1 - coverage)``.
 
+    References
+    ----------
+    .. [1] Lee, Barber and Willett, Distribution-free inference with hierarchical data, 2023,
+       arXiv:2306.06342, section 3.
+
     Examples
     --------
-    >>> grouped_quantile([1.0, 2.0, 3.0, 9.0], np.array([0, 0, 0, 1]), 0.5)
-    3.0
+    >>> values, groups = [1.0, 2.0, 3.0, 9.0], np.array([0, 0, 0, 1])
+    >>> [grouped_quantile(values, groups, 0.5, beyond=beyond) for beyond in (0, 1)]
+    [3.0, 9.0]
     """
     numbers = np.unique(groups, return_inverse=True)[1]
-    n_groups = int(numbers.max()) + 1
+    n_groups = int(numbers.max(initial=-1)) + 1
     if n_groups < groups_needed(coverage):
         raise ValueError(
             f"{n_groups} {name} cannot support a coverage of {coverage:g}, which takes at least "
@@ -406,5 +416,5 @@ def grouped_quantile(
     if weight is not None:
         shares = shares * np.asarray(weight)
     order = np.argsort(values)
-    covered = np.cumsum(shares[order]) / shares.sum()
+    covered = np.cumsum(shares[order]) / shares.sum() * n_groups / (n_groups + beyond)
     return float(np.asarray(values)[order[np.argmax(covered >= coverage - 1e-9)]])

@@ -112,9 +112,9 @@ def test_a_limit_that_the_groups_cannot_support_is_refused(n_groups, supported):
     if supported:
         assert index.limit() == index.left_out_["index"].max()
         return
-    with pytest.raises(ValueError, match=r"needs at least 19 .* there are 18: .* rate is 0\.053"):
+    with pytest.raises(ValueError, match=r"18 units or groups cannot .* at least 19"):
         index.limit()
-    with pytest.raises(ValueError, match="or set it to None for an index without limit"):
+    with pytest.raises(ValueError, match="None: index without limit"):
         index.trend(X[:2], [1, 2])
     assert index.set_params(false_alarm=0.06).limit() > 0
     assert np.isnan(index.set_params(false_alarm=None).limit())
@@ -125,7 +125,7 @@ def test_few_units_refuse_a_limit_for_the_population_but_not_for_a_known_unit():
     units = np.repeat(["press", "axis"], 12)
     index = HealthIndex(0.1).fit(X, groups=np.tile(np.arange(12), 2), units=units)
     assert index.limit("press") == index.limit("axis") > 1
-    with pytest.raises(ValueError, match=r"needs at least 9 units or groups .* there are 2"):
+    with pytest.raises(ValueError, match=r"2 units or groups cannot .* at least 9"):
         index.limit("drill")
 
 
@@ -301,5 +301,5 @@ def test_the_picture_has_a_panel_for_each_unit_and_states_the_false_alarm_rate()
 def test_a_limit_needs_more_than_one_group():
     X = np.random.default_rng(0).normal(size=(30, 3))
     index = HealthIndex().fit(X, groups=["run 1"] * 30)
-    with pytest.raises(ValueError, match=r"needs at least 19 .* there are 0"):
+    with pytest.raises(ValueError, match="0 units or groups cannot"):
         index.limit()
