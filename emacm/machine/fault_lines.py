@@ -474,7 +474,7 @@ class FaultLines(OrderTableTransformer):
             If the columns have no order axis, a line lies outside of it, the spectra are too
             coarse, or a parameter is invalid.
         """
-        self._fit_table(X)
+        self._checked_table(X, reset=True)
         blocks = parse_order_columns(column_names(X) or ())
         if blocks is None:
             raise ValueError(
@@ -511,7 +511,7 @@ class FaultLines(OrderTableTransformer):
         ValueError
             If the columns are not those of `fit`.
         """
-        psd = self._read_table(X).astype(np.float64)
+        psd = self._checked_table(X, reset=False).astype(np.float64)
         return np.hstack(
             [levels.measure(psd[:, columns])[0] for columns, levels in self._levels.values()]
         )

@@ -138,7 +138,7 @@ class BinTransformer(OrderTableTransformer):
         TypeError, ValueError
             If a parameter is invalid, or bins reach beyond the orders of the spectra.
         """
-        psd = self._fit_table(X)
+        psd = self._checked_table(X, reset=True)
         blocks = self._blocks(column_names(X))
         bins = named_bins(self.bin_size, self.max_order, self.edges, self.stop_bands)
         stops = check_stop_bands(self.stop_bands)
@@ -174,7 +174,7 @@ class BinTransformer(OrderTableTransformer):
         UserWarning
             If spectral lines exceed their maximum in the training by more than `new_line_limits_`.
         """
-        psd = self._read_table(X)
+        psd = self._checked_table(X, reset=False)
         warn_of_new_lines(self._new_lines(psd), stacklevel=3)
         return self._integrated(psd)
 
@@ -191,7 +191,7 @@ class BinTransformer(OrderTableTransformer):
         ndarray of shape (n_recordings, n_bins_of_all_channels)
             As of `transform`.
         """
-        return self.fit(X, y, groups)._integrated(self._read_table(X))
+        return self.fit(X, y, groups)._integrated(self._checked_table(X, reset=False))
 
     def _integrated(self, psd: NDArray[np.floating]) -> BinPowers:
         """Return the bins of checked spectra."""

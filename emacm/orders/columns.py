@@ -207,13 +207,13 @@ def order_columns(channels: Iterable[str], orders: Iterable[float]) -> tuple[str
     >>> order_columns(["current"], [0, 0.5, 1])
     ('current@0', 'current@0.5', 'current@1')
     """
-    return _order_columns(tuple(channels), np.array(list(orders), dtype=np.float64).tobytes())
+    return _order_columns(tuple(channels), tuple(orders))
 
 
 # A search uses the same few axes many times, with thousands of names.
 @lru_cache(maxsize=128)
-def _order_columns(channels: tuple[str, ...], orders: bytes) -> tuple[str, ...]:
-    names = [number_name(order) for order in np.frombuffer(orders)]
+def _order_columns(channels: tuple[str, ...], orders: tuple[float, ...]) -> tuple[str, ...]:
+    names = [number_name(order) for order in orders]
     return tuple(f"{channel}@{name}" for channel in channels for name in names)
 
 
@@ -424,47 +424,33 @@ class OrderTableTransformer(TransformerMixin, SavedEstimator):
             check_input_names(input_features, seen, self.n_features_in_)
         return np.array(self._columns_out, dtype=object)
 
-    def _fit_table(self, X: Any) -> NDArray[np.floating]:
-        """Check the spectra passed to `fit`, and store the names of their columns."""
-        names = self._checked_names(X)
-        options = {"dtype": np.float64, "ensure_min_features": 2, "ensure_all_finite": False}
-        if names is not None and _names_orders(names):
-            psd = check_array(X, **options)
-            # validate_data would not see the names of every container.
-            self.n_features_in_ = psd.shape[1]
-            self.feature_names_in_ = np.array(names, dtype=object)
-        else:
-            psd = validate_data(self, X, **options)
-        check_finite_table(psd, "recording", names)
-        return psd
-
-    def _read_table(self, X: Any) -> NDArray[np.floating]:
-        """Check the spectra passed to `transform`; return them in float64 or float32."""
-        check_is_fitted(self)
-        names = self._checked_names(X)
-        options = {"dtype": [np.float64, np.float32], "ensure_all_finite": False}
-        if self._same_axis(names):
-            psd = check_array(X, **options)
-        else:
-            psd = validate_data(self, X, reset=False, **options)
-        check_finite_table(psd, "recording", names)
-        return psd
-
-    def _checked_names(self, X: Any) -> tuple[Any, ...] | None:
+    def _checked_table(self, X: Any, *, reset: bool) -> NDArray[np.floating]:
+        """Check spectra; in `fit`, store the names of their columns, else compare them."""
+        if not reset:
+            check_is_fitted(self)
         check_table(X)
         names = column_names(X)
         if isinstance(X, pd.DataFrame):
             check_unique_columns(X, "X")
-        self._refuse_lost_axis(X)
-        return names
-
-    def _refuse_lost_axis(self, X: Any) -> None:
         if self.order_step is None and lost_axis(X):
             raise ValueError(
                 f"X was an order table, but an operation on it (a choice of columns, arithmetic) "
                 f"has removed its orders. Do that after {type(self).__name__}, or pass a DataFrame "
                 f"with the names of the columns, or state order_step of BinTransformer."
             )
+        dtype = np.float64 if reset else [np.float64, np.float32]
+        options = {"dtype": dtype, "ensure_all_finite": False, "ensure_min_features": 1 + reset}
+        if reset and names is not None and _names_orders(names):
+            psd = check_array(X, **options)
+            # validate_data would not see the names of every container.
+            self.n_features_in_ = psd.shape[1]
+            self.feature_names_in_ = np.array(names, dtype=object)
+        elif not reset and self._same_axis(names):
+            psd = check_array(X, **options)
+        else:
+            psd = validate_data(self, X, reset=reset, **options)
+        check_finite_table(psd, "recording", names)
+        return psd
 
     def _same_axis(self, names: Sequence[Any] | None) -> bool:
         """Return whether the names are the order axis of `fit`; refuse another one."""

@@ -15,7 +15,7 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._checks import check_choice
 from emacm.orders.bins import Band, bin_operator, named_bins
 from emacm.orders.columns import OrderTable, order_columns
-from emacm.orders.segment_plan import SegmentPlan, WeightedLines, padded_lines, too_short
+from emacm.orders.segment_plan import SegmentPlan, WeightedLines, padded_lines
 from emacm.orders.welch import WelchEstimator, samples_per_revolution
 from emacm.recordings.inputs import names_of, run
 from emacm.resampling.angle_recording import (
@@ -429,17 +429,10 @@ class OrderCrossSpectrum(WelchEstimator):
         """Average over the strokes that hold a segment, resampling them one block at a time."""
         plan, peaks = self._plan, np.zeros(len(self.channels_))
         rows = [row.channels.index(name) for name in self.channels_]
+        signals = [_with_peaks(stroke.blocks(rows), peaks) for stroke in strokes]
         lengths = [stroke.n_angles for stroke in strokes]
-        whole = [s for s, n in zip(strokes, lengths, strict=True) if n >= plan.n_per_segment]
-        if whole:
-            segments = plan.lines_of(_with_peaks(s.blocks(rows), peaks) for s in whole)
-        elif plan.short == "pad" and any(n > 1 for n in lengths):
-            segments = padded_lines(
-                plan,
-                (np.concatenate(list(_with_peaks(s.blocks(rows), peaks)), axis=1) for s in strokes),
-            )
-        else:
-            raise too_short(lengths, plan, kind, "OrderCrossSpectrum")
+        whole, short = plan.usable(signals, lengths, kind, "OrderCrossSpectrum")
+        segments = padded_lines(plan, short) if short else plan.lines_of(whole)
         places = {name: place for place, name in enumerate(self.channels_)}
         pairs = [(places[x], places[y]) for x, y in self.pairs_]
         averages = cross_averages(plan, segments, pairs, self.channels_)
@@ -497,15 +490,11 @@ def _checked_pairs(pairs: Any, channels: Sequence[str]) -> tuple[tuple[str, str]
             f"pairs must be a list of (input, output) channels, such as [('torque', 'current')]; "
             f"got {pairs!r}."
         )
-    checked = [tuple(pair) for pair in pairs]
-    for pair in checked:
-        if len(pair) != 2 or pair[0] == pair[1] or not {*pair} <= {*channels}:
-            raise ValueError(
-                f"a pair needs two of the channels, which are {list(channels)}; got {pair!r}."
-            )
-    if not checked or len(set(checked)) < len(checked):
+    checked = tuple(tuple(pair) for pair in pairs)
+    wrong = [p for p in checked if len(p) != 2 or p[0] == p[1] or not {*p} <= {*channels}]
+    if wrong or not checked or len(set(checked)) < len(checked):
         raise ValueError(
-            f"pairs must name one or more pairs of the channels {list(channels)}, each once; got "
-            f"{pairs!r}."
+            f"pairs must name one or more pairs of two of the channels {list(channels)}, each "
+            f"once; got {wrong or pairs!r}."
         )
-    return tuple(checked)
+    return checked

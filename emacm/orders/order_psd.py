@@ -253,15 +253,18 @@ class OrderPSD(WelchEstimator):
         """Return the rows of X: recordings over shaft angle, or 1-D arrays."""
         if are_over_angle(X):
             return list(X)
-        if isinstance(X, str | PurePath | Sequence) or _object_vector(X):
-            rows = as_list(X)
-            if any(isinstance(row, AngleRecording | Recording | str | PurePath) for row in rows):
-                return as_angle_recordings(rows, "OrderPSD")
-            if self.theta_s is not None or _ragged(rows):
-                self._refuse_direction()
-                return [check_signal(row, f"row {i}") for i, row in enumerate(rows)]
+        listed = isinstance(X, str | PurePath | Sequence) or _object_vector(X)
+        rows = as_list(X) if listed else []
+        if any(isinstance(row, AngleRecording | Recording | str | PurePath) for row in rows):
+            return as_angle_recordings(rows, "OrderPSD")
         refuse_single(X)
-        self._refuse_direction()
+        if self.by_direction and self.by_direction != "auto":
+            raise ValueError(
+                "by_direction needs recordings over shaft angle, as OrderResampler returns them; "
+                "plain rows have no direction. Set by_direction=False."
+            )
+        if rows and (self.theta_s is not None or _ragged(rows)):
+            return [check_signal(row, f"row {i}") for i, row in enumerate(rows)]
         check_table(X)
         table = validate_data(
             self,
@@ -274,13 +277,6 @@ class OrderPSD(WelchEstimator):
         )
         check_finite_table(table, "row")
         return table
-
-    def _refuse_direction(self) -> None:
-        if self.by_direction and self.by_direction != "auto":
-            raise ValueError(
-                "by_direction needs recordings over shaft angle, as OrderResampler returns them; "
-                "plain rows have no direction. Set by_direction=False."
-            )
 
     def _check_recordings(self, rows: Sequence[AngleRecording]) -> None:
         """Compare recordings with the axis and the channels of `fit`."""

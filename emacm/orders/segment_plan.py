@@ -18,16 +18,14 @@ from scipy import fft
 
 from emacm import _kernels
 from emacm._checks import check_real_array
-from emacm.resampling.angle_recording import AngleRecording, AngleStroke
+from emacm.resampling.angle_recording import AngleRecording
 
-# Whole, or in consecutive blocks; shape (n_channels, n_angles).
-Signal = NDArray[np.floating] | Iterable[NDArray[np.floating]]
+Blocks = Iterable[NDArray[np.floating]]  # consecutive, of shape (n_channels, n_angles)
+Signal = NDArray[np.floating] | Blocks  # whole, or in blocks
 # Samples, and the number of segments, the first of which begins with them.
 Section = tuple[NDArray[np.floating], int]
 Lines = NDArray[np.complexfloating]  # shape (n_channels, n_segments, n_lines)
 WeightedLines = tuple[Lines, float]
-# Signals that are averaged together: place in the result, what to call one, and their lengths.
-_Part = tuple[tuple[Any, int], str, list[Signal], list[int]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,26 +115,63 @@ class SegmentPlan:
             If no stroke (`by_direction`: of one direction) is as long as a segment, or powers
             exceed the range of float64.
         """
-        parts: Iterable[_Part]
         with np.errstate(over="ignore", invalid="ignore"):
             if isinstance(row, np.ndarray):
-                parts, shape = [((0, 0), "row", [[row[np.newaxis]]], [len(row)])], (1, 1)
+                powers = self._average_or_padded([[row[np.newaxis]]], [len(row)], "row")
             else:
                 kinds = row.strokes_by_kind(self.by_direction)
-                parts, shape = _parts_of(row, kinds), (len(row.channels), len(kinds))
-            powers = np.empty((*shape, self.n_orders))
-            for place, kind, signals, lengths in parts:
-                long = [s for s, n in zip(signals, lengths, strict=True) if n >= self.n_per_segment]
-                if long:
-                    powers[place] = self.average_of(long)
-                elif self.short == "pad" and max(lengths, default=0) > 1:
-                    joined = (np.concatenate(list(blocks), axis=1) for blocks in signals)
-                    powers[place] = padded(self, joined)
-                else:
-                    raise too_short(lengths, self, kind, "OrderPSD")
+                powers = np.empty((len(row.channels), len(kinds), self.n_orders))
+                for number, (kind, strokes) in enumerate(kinds):
+                    lengths = [stroke.n_angles for stroke in strokes]
+                    for group in row.rate_groups:  # channels of one sampling rate at a time
+                        blocks = [stroke.blocks(group) for stroke in strokes]
+                        powers[group, number] = self._average_or_padded(blocks, lengths, kind)
+                powers = powers if self.by_direction else powers[:, 0]
         if not np.isfinite(powers).all():
             raise ValueError("its power exceeds the range of float64. State it in other units.")
-        return powers if shape[1] > 1 else powers[:, 0]
+        return powers
+
+    def _average_or_padded(
+        self, signals: Sequence[Blocks], lengths: Sequence[int], kind: str
+    ) -> NDArray[np.floating]:
+        """Estimate the power spectra of signals, which `kind` calls a stroke or a row."""
+        whole, short = self.usable(signals, lengths, kind, "OrderPSD")
+        return padded(self, short) if short else self.average_of(whole)
+
+    def usable(
+        self, signals: Sequence[Blocks], lengths: Sequence[int], kind: str, who: str
+    ) -> tuple[Sequence[Blocks], Iterable[NDArray[np.floating]]]:
+        """Return the signals that hold a segment, or those that are to be padded, read one by one.
+
+        Parameters
+        ----------
+        signals : sequence of iterable of ndarray of shape (n_channels, n_angles)
+            The blocks of each signal.
+        lengths : sequence of int
+            Its samples.
+        kind, who : str
+            What a signal is called, and the estimator, for the message.
+
+        Raises
+        ------
+        ValueError
+            If no signal is as long as a segment (`short` is "pad": as two samples).
+        """
+        whole = [s for s, n in zip(signals, lengths, strict=True) if n >= self.n_per_segment]
+        if whole:
+            return whole, ()
+        if self.short == "pad" and max(lengths, default=0) > 1:
+            return (), (np.concatenate(list(blocks), axis=1) for blocks in signals)
+        if not lengths or self.short == "pad":
+            remedy = "Leave it out"
+            if kind != "stroke":
+                remedy += ", or do not separate directions (by_direction=False)"
+            raise ValueError(f"it has no {kind} of two samples. {remedy}.")
+        raise ValueError(
+            f"no {kind} holds a segment of {self.revolutions:g} revolutions ({self.n_per_segment} "
+            f"samples): its longest {kind} holds {max(lengths) / self.samples_per_rev:.4g}. Lower "
+            f"revolutions of {who}, set short='pad', or leave it out."
+        )
 
     def average_of(self, signals: Iterable[Signal]) -> NDArray[np.floating]:
         """Average the power spectra of all segments of all signals.
@@ -307,16 +342,6 @@ class SectionCutter:
         self.rest = [joined[:, n_segments * self._step :].copy()]
 
 
-def _parts_of(
-    row: AngleRecording, kinds: Sequence[tuple[str, Sequence[AngleStroke]]]
-) -> Iterator[_Part]:
-    """Yield the signals of strokes of each kind, channels of one sampling rate at a time."""
-    for number, (kind, strokes) in enumerate(kinds):
-        lengths = [stroke.n_angles for stroke in strokes]
-        for group in row.rate_groups:
-            yield (group, number), kind, [stroke.blocks(group) for stroke in strokes], lengths
-
-
 def _median_bias(n_segments: int) -> float:
     """Median over mean of n exponential variables (Allen et al., arXiv gr-qc/0509116, App. B)."""
     even = 2 * np.arange(1, (n_segments - 1) // 2 + 1)
@@ -383,20 +408,6 @@ def padded_lines(
         window = window_values(plan.window, n_angles)
         lines = fft.rfft(detrended(signal, plan.detrend) * window, plan.n_per_segment)
         yield lines[:, np.newaxis, : plan.n_orders], plan.window_factor(window)
-
-
-def too_short(lengths: Sequence[int], plan: SegmentPlan, kind: str, who: str) -> ValueError:
-    """Return the error for strokes, of so many samples, none of which is as long as a segment."""
-    if not lengths or plan.short == "pad":
-        remedy = "Leave it out"
-        if kind != "stroke":
-            remedy += ", or do not separate directions (by_direction=False)"
-        return ValueError(f"it has no {kind} of two samples. {remedy}.")
-    return ValueError(
-        f"no {kind} holds a segment of {plan.revolutions:g} revolutions ({plan.n_per_segment} "
-        f"samples): its longest {kind} holds {max(lengths) / plan.samples_per_rev:.4g}. Lower "
-        f"revolutions of {who}, set short='pad', or leave it out."
-    )
 
 
 def window_values(window: Any, length: int) -> NDArray[np.floating]:
