@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from emacm._checks import located
-from emacm.files.file_columns import FileColumns, stated_rates
+from emacm.files.file_columns import FileColumns, rates_of_columns, stated_rates
+from emacm.files.layout import Layout
 from emacm.files.readers import read_columns
-from emacm.files.sample_times import rate_of_times, seconds_of
 from emacm.recordings.names import is_time_name, unit_factor, unit_in_name
 
 _ANGLES = ("angle", "theta", "encoder", "winkel")
@@ -54,6 +55,17 @@ class Contents:
         """The other columns."""
         others = {self.times, self.shaft, *self.unused}
         return [name for name in self.columns.columns if name not in others]
+
+    @property
+    def has_rates(self) -> bool:
+        """Whether the rates of all channels are known."""
+        return self.rates.keys() >= set(self.channels)
+
+    @property
+    def numbers(self) -> dict[str, NDArray[Any]]:
+        """The columns of numbers."""
+        columns = self.columns.columns
+        return {name: values for name, values in columns.items() if values.dtype.kind in "biuf"}
 
 
 def run(options: argparse.Namespace) -> int:
@@ -102,38 +114,27 @@ def contents_of(path: Path) -> Contents:
     FileNotFoundError, ImportError, ValueError
         As `emacm.files.readers.read_columns`.
     """
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no file {str(path)!r}.")
     columns = read_columns(path)
-    rates, remarks = stated_rates(columns), []
-    named = [name for name in columns.columns if is_time_name(name)]
-    times = named[0] if named else None
-    if times is not None:
-        try:
-            values = columns.columns[times]
-            seconds = seconds_of(values, columns.units.get(times, ""), times)
-            rate = rate_of_times(seconds, times, rates.get(times))
-            same = [name for name, other in columns.columns.items() if len(other) == len(values)]
-            rates |= {name: rate for name in same if name not in rates}
-        except ValueError as error:
-            remarks.append(str(error))
+    times = next(filter(is_time_name, columns.columns), None)
+    remarks: list[str] = []
+    try:
+        rates = rates_of_columns(columns, Layout(), times)
+    except ValueError as error:
+        rates, remarks = stated_rates(columns), [str(error)]
     shafts = columns.like_shaft()
     shaft = shafts[0] if shafts else None
-    unit = "" if shaft is None else _shaft_unit(columns, shaft)
+    unit = _shaft_unit(columns, shaft) if shaft else ""
     if shaft is None:
         remarks.append("velocity, angle or tacho: no column is named like the motion of the shaft")
     elif not unit and _kind(shaft) != "tacho":
         remarks.append(f"the unit of {shaft!r}")
-    unused = {
-        name: "it does not consist of numbers"
-        for name, values in columns.columns.items()
-        if name != times and values.dtype.kind not in "biuf"
-    }
-    unused |= dict.fromkeys(shafts[1:], "it is named like the motion of a shaft")
-    contents = Contents(columns, rates, times, shaft, unit, unused, remarks)
-    if any(name not in rates for name in contents.channels):
+    found = Contents(columns, rates, times, shaft, unit, {}, remarks)
+    texts = [name for name in columns.columns if name not in found.numbers and name != times]
+    found.unused |= dict.fromkeys(texts, "it does not consist of numbers")
+    found.unused |= dict.fromkeys(shafts[1:], "it is named like the motion of a shaft")
+    if not found.has_rates:
         remarks.append("fs: neither the file nor a column of times states the sampling rate")
-    return contents
+    return found
 
 
 def _kind(name: str) -> str:
@@ -173,20 +174,17 @@ def contents_table(contents: Contents) -> pd.DataFrame:
     roles |= dict.fromkeys(contents.unused, "not used")
     for name, values in contents.columns.columns.items():
         rate = contents.rates.get(name, np.nan)
-        role = roles.get(name, "channel")
-        row: dict[str, Any] = {
-            "as": role,
+        rows[name] = {
+            "as": roles.get(name, "channel"),
             "unit": contents.columns.units.get(name, ""),
             "rate [Hz]": rate,
             "samples": len(values),
             "duration [s]": len(values) / rate,
         }
-        if values.dtype.kind in "biuf":
-            good = values[np.isfinite(values)]
-            if len(good):
-                row |= {"lowest": good.min(), "mean": good.mean(), "highest": good.max()}
-            row["not finite"] = len(values) - len(good)
-        rows[name] = row
+        if name in contents.numbers:
+            good = pd.Series(values[np.isfinite(values)])
+            rows[name] |= {"lowest": good.min(), "mean": good.mean(), "highest": good.max()}
+            rows[name]["not finite"] = len(values) - len(good)
     return pd.DataFrame.from_dict(rows, orient="index")
 
 
@@ -210,7 +208,7 @@ def draft_layout(contents: Contents, path: Path) -> str:
     ]
     if contents.times is not None:
         lines.append(f"# time: the column {_text(contents.times)}, found by its name")
-    if any(name not in contents.rates for name in contents.channels):
+    if not contents.has_rates:
         lines.append("# fs = 12000  # FILL IN: sampling rate [Hz]")
     else:
         rates = sorted({contents.rates[name] for name in contents.channels})
@@ -267,11 +265,8 @@ def plot(contents: Contents, path: Path, most_panels: int = 12) -> None:
     from emacm.displays import _drawing
     from emacm.displays.recording import extremes
 
-    drawn = [
-        (name, values)
-        for name, values in contents.columns.columns.items()
-        if name != contents.times and values.dtype.kind in "biuf"
-    ][:most_panels]
+    drawn = [column for column in contents.numbers.items() if column[0] != contents.times]
+    drawn = drawn[:most_panels]
     axes = _drawing.panel_axes(None, len(drawn), height=1.3)
     timed = all(name in contents.rates for name, _ in drawn)
     for panel, (name, values) in zip(axes, drawn, strict=True):

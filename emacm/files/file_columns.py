@@ -146,7 +146,7 @@ def recording_arguments(content: FileColumns, layout: Layout) -> dict[str, Any]:
     times = _time_column(content, layout)
     shaft = _shaft_column(content, layout)
     channels = _channel_columns(content, layout, times, shaft)
-    rates = _rates_of_columns(content, layout, times)
+    rates = rates_of_columns(content, layout, times)
     fs = {name: _rate(content, layout, rates, column, name) for name, column in channels.items()}
     signals = {name: _signal(content, column, name) for name, column in channels.items()}
     units = {name: _channel_unit(content, layout, name, c) for name, c in channels.items()}
@@ -285,7 +285,7 @@ def stated_rates(content: FileColumns) -> dict[str, float]:
     return rates | content.rates
 
 
-def _rates_of_columns(content: FileColumns, layout: Layout, times: str | None) -> dict[str, float]:
+def rates_of_columns(content: FileColumns, layout: Layout, times: str | None) -> dict[str, float]:
     """Return sampling rates by column [Hz], from the file and its column of times."""
     stated = stated_rates(content)
     if times is None:
