@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from emacm.recordings.names import unit_factor
 
+Times = NDArray[np.float64]
 
-def seconds_of(values: NDArray[Any], unit: str, name: str) -> NDArray[np.float64]:
+
+def seconds_of(values: NDArray[Any], unit: str, name: str) -> Times:
     """Return a column of times in seconds since the first.
 
     Parameters
@@ -54,12 +56,7 @@ def seconds_of(values: NDArray[Any], unit: str, name: str) -> NDArray[np.float64
 
 
 def rate_of_times(
-    seconds: NDArray[np.float64],
-    name: str,
-    fs: float | None = None,
-    *,
-    jitter: float = 0.1,
-    gap: float = 1.5,
+    seconds: Times, name: str, fs: float | None = None, *, jitter: float = 0.1, gap: float = 1.5
 ) -> float:
     """Return the sampling rate of evenly spaced times.
 
@@ -105,8 +102,8 @@ def rate_of_times(
             f"or cut the recording, {ignore}."
         )
     rate = float((len(seconds) - 1) / (seconds[-1] - seconds[0]))
-    resolution = _rounding(seconds, steps)
-    _check_gaps(steps, seconds, resolution, gap, name, ignore)
+    resolution = _rounding(seconds)
+    _check_gaps(seconds, name, gap, resolution)
     n = np.arange(len(seconds))
     for digits in range(2, 7):  # digits of a round rate
         nominal = float(f"{rate:.{digits}g}")
@@ -130,19 +127,13 @@ def rate_of_times(
     )
 
 
-def _rounding(
-    seconds: NDArray[np.float64],
-    steps: NDArray[np.float64],
-    *,
-    few: int = 5,
-    most: float = 0.9,
-) -> float:
+def _rounding(seconds: Times, *, few: int = 5, most: float = 0.9) -> float:
     """Return by how much times are rounded [s]: the coarsest decimal of which all are multiples.
 
     Where `most` of the steps are equal, to less than `few` such decimals, they are exact: the rate
     is a round one, and the other steps are gaps.
     """
-    decimal = 1e-9
+    decimal, steps = 1e-9, np.diff(seconds)
     smallest = float(steps[steps > 0].min())
     for digits in range(9):
         multiples = seconds[:1000] * 10.0**digits
@@ -151,20 +142,12 @@ def _rounding(
             decimal = 10.0**-digits
             break
     usual = float(np.median(steps))
-    exact = (
-        decimal / 2 < usual < few * decimal and np.mean(np.abs(steps - usual) < decimal / 2) > most
-    )
-    return 0.0 if exact else decimal
+    are_equal = np.mean(np.abs(steps - usual) < decimal / 2) > most
+    return 0.0 if decimal / 2 < usual < few * decimal and are_equal else decimal
 
 
-def _check_gaps(
-    steps: NDArray[np.float64],
-    seconds: NDArray[np.float64],
-    resolution: float,
-    gap: float,
-    name: str,
-    ignore: str,
-) -> None:
+def _check_gaps(seconds: Times, name: str, gap: float, resolution: float) -> None:
+    steps = np.diff(seconds)
     usual = float(np.median(steps))
     if usual < resolution:  # several samples have one time
         usual = float(np.mean(steps))
@@ -174,5 +157,5 @@ def _check_gaps(
         raise ValueError(
             f"time column {name!r} has a gap of {steps[place]:.6g} s after sample {place} "
             f"({seconds[place]:.6g} s), {len(gaps)} in all; usual are {usual:.6g} s. Cut the "
-            f"recording there, or fill the gap, {ignore}."
+            f"recording there, fill the gap, or state fs and time=False to ignore {name!r}."
         )

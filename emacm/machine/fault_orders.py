@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -147,18 +148,15 @@ def order_bands(
             f"the band of {names[place]!r} at order {low[place]:g} has no width, because the line "
             f"does not slip. Give min_width, such as 4 / revolutions of the order spectra."
         )
-    last = ""
-    bands: dict[str, Band] = {}
-    for place in np.lexsort((high, low)):
-        name, band = names[place], (round_edge(low[place]), round_edge(high[place]))
-        if on_overlap == "raise" and last and bands[last][1] > band[0]:
+    ascending = np.lexsort((high, low))
+    bands = {names[place]: (round_edge(low[place]), round_edge(high[place])) for place in ascending}
+    for (last, below), (name, band) in pairwise(bands.items()):
+        if on_overlap == "raise" and below[1] > band[0]:
             raise ValueError(
-                f"the bands of {last!r} {bands[last]} and {name!r} {band} overlap, and no power "
-                f"spectrum can separate them. Reduce slip or min_width, leave one out, or set "
-                f'on_overlap to "keep".'
+                f"the bands of {last!r} {below} and {name!r} {band} overlap, and no power spectrum "
+                f"can separate them. Reduce slip or min_width, leave one out, or set on_overlap to "
+                f'"keep".'
             )
-        bands[name] = band
-        last = name
     return bands
 
 
