@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from textwrap import fill
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,6 @@ from emacm.displays._drawing import (
     MISSING,
     ORDER_LABEL,
     SMALL,
-    colour_of,
     label_x,
     line_style,
     mark_orders,
@@ -63,12 +62,13 @@ def share_an_axis(blocks: Sequence[BinBlock]) -> bool:
     return len({() if has_order_axis(block) else block.names for block in blocks}) == 1
 
 
-def bin_panels(ax: Any, blocks: Sequence[BinBlock], n_rows: int = 1) -> NDArray[np.object_]:
-    """Return one Axes for each block, `n_rows` times, with limits and names along x."""
-    axes = panel_axes(ax, n_rows * len(blocks), shared="x" if share_an_axis(blocks) else "")
+def bin_panels(ax: Any, panels: Sequence[Sequence[BinBlock]]) -> NDArray[np.object_]:
+    """Return one Axes for the blocks of each panel, with limits and names along x."""
+    blocks = [block for own in panels for block in own]
+    axes = panel_axes(ax, len(panels), shared="x" if share_an_axis(blocks) else "")
     over_order = [block for block in blocks if has_order_axis(block)]
     edges = np.concatenate([bin_places(block) for block in over_order or blocks])
-    for panel, block in zip(axes, [*blocks] * n_rows, strict=True):
+    for panel, (block, *_) in zip(axes, panels, strict=True):
         if has_order_axis(block):
             panel.set_xlim(edges.min(), edges.max())
         else:
@@ -90,24 +90,18 @@ def _name_bins(panel: Any, names: Sequence[str]) -> None:
     panel.set_xticks(np.arange(len(names))[::step], shown, rotation=rotation, fontsize=SMALL)
 
 
-class Group(NamedTuple):
-    """Values in bins, with the number of their state, see `colour_of`."""
+def draw_steps(
+    ax: Any, places: NDArray[Any], values: NDArray[Any], label: str, number: int
+) -> None:
+    """Draw a line at each value from edge to edge, connected where bins are adjacent.
 
-    label: str | None
-    number: int
-    places: NDArray[np.floating]
-    heights: NDArray[np.floating]
-
-
-def draw_groups(ax: Any, groups: Sequence[Group], bottom: float = 0.0) -> None:
-    """Draw one group as bars from `bottom`, several as a stepped line each."""
-    for label, number, places, values in groups:
-        name = None if label is None else wrapped(label)
-        if len(groups) == 1:
-            style = bar_style(colour_of(number))
-            draw_bars(ax, places, values, bottom=bottom, label=name, **style)
-        else:
-            _draw_steps(ax, places, values, label=name, **line_style(number))
+    `number` is that of its state, see `colour_of`.
+    """
+    gaps = 2 * np.flatnonzero(places[1:, 0] != places[:-1, 1]) + 2
+    x = np.insert(places.ravel(), gaps, places.ravel()[gaps])
+    y = np.insert(np.repeat(values, 2), gaps, np.nan)
+    style = {"linewidth": 1.3, "solid_joinstyle": "miter", **line_style(number)}
+    ax.plot(x, y, label=wrapped(label), **style)
 
 
 def draw_bars(
@@ -116,14 +110,6 @@ def draw_bars(
     """Draw a bar from `bottom` to each value, between the edges of its bin."""
     widths = places[:, 1] - places[:, 0]
     ax.bar(places[:, 0], values - bottom, widths, bottom=bottom, align="edge", **style)
-
-
-def _draw_steps(ax: Any, places: NDArray[Any], values: NDArray[Any], **style: Any) -> None:
-    """Draw a line at each value from edge to edge, connected where bins are adjacent."""
-    gaps = 2 * np.flatnonzero(places[1:, 0] != places[:-1, 1]) + 2
-    x = np.insert(places.ravel(), gaps, places.ravel()[gaps])
-    y = np.insert(np.repeat(values, 2), gaps, np.nan)
-    ax.plot(x, y, linewidth=1.3, solid_joinstyle="miter", **style)
 
 
 def draw_stop_bands(ax: Any, stop_bands: Sequence[Band]) -> None:

@@ -184,19 +184,15 @@ class LoadingsDisplay(Display):
 
     def _draw(self, ax: Any) -> Any:
         blocks = self.blocks if _bars.share_an_axis(self.blocks) else [_joined(self.blocks)]
-        axes = _bars.bin_panels(ax, blocks[:1], n_rows=len(self.loadings))
+        axes = _bars.bin_panels(ax, [blocks] * len(self.loadings))
         for panel, weights, title in zip(axes, self.loadings, self.titles, strict=True):
             panel.axhline(0, color="0.3", linewidth=0.6)
-            groups = [
-                _bars.Group(block.channel, number, _bars.bin_places(block), weights[block.columns])
-                for number, block in enumerate(blocks, 1)
-            ]
-            if len(groups) == 1:
-                groups = [groups[0]._replace(label=None, number=2)]  # the colour of no state
-            _bars.draw_groups(panel, groups)
-            if _bars.has_order_axis(blocks[0]):
-                edges = np.concatenate([group.places for group in groups])
-                panel.set_xlim(edges.min(), edges.max())
+            for number, block in enumerate(blocks, 1):
+                places, own = _bars.bin_places(block), weights[block.columns]
+                if len(blocks) == 1:
+                    _bars.draw_bars(panel, places, own, **bar_style(_drawing.PLAIN))
+                else:
+                    _bars.draw_steps(panel, places, own, block.channel, number)
             unbroken = title.replace(" ", "\u00a0")
             _drawing.label_y(panel, f"weight in {unbroken}", "1")
         _drawing.legend_above(axes[0])

@@ -102,7 +102,7 @@ class ContributionsDisplay(OrderDisplay):
         return pd.DataFrame(rows, columns=["channel", "bin", "contribution", "fault_orders"])
 
     def _draw(self, ax: Any) -> Any:
-        axes = _bars.bin_panels(ax, self.blocks)
+        axes = _bars.bin_panels(ax, [[block] for block in self.blocks])
         low, high = min(0, self.contributions.min()), max(0, self.contributions.max())
         margin = 0.08 * (high - low)
         limits = (low - margin, high + margin) if margin else (-1, 1)

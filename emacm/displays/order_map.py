@@ -204,10 +204,8 @@ class OrderMapDisplay(OrderDisplay):
             low, high = low - 0.5, high + 0.5
         edges = np.linspace(low, high, self.n_speeds + 1)
         kind = np.clip(np.digitize(self.speeds, edges) - 1, 0, self.n_speeds - 1)
-        rows = np.full((self.n_speeds, self.psd.shape[1]), np.nan)
-        for k in np.unique(kind):
-            rows[k] = self.psd[kind == k].mean(axis=0)
-        return edges, rows
+        means = pd.DataFrame(self.psd).groupby(kind).mean()
+        return edges, means.reindex(range(self.n_speeds)).to_numpy()
 
 
 def _segments(stroke: AngleStroke, step: int, length: int, welch: Mapping[str, Any]) -> Segments:

@@ -194,11 +194,12 @@ class OrderSpectrumDisplay(PowerDisplay):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.orders = _tables.check_values(self.orders, "orders", (None,), least=0)
-        shape: tuple[int, ...] = (len(self.orders),)
-        if not isinstance(self.channel, str):
-            shape = (len(self.channel), *shape)
+        self.channels = [self.channel] if isinstance(self.channel, str) else list(self.channel)
+        shape = (len(self.channels), len(self.orders))
         self.spectra = {
-            str(label): _tables.check_values(values, f"the spectrum of {label!r}", shape, least=0)
+            str(label): _tables.check_values(
+                np.atleast_2d(values), f"the spectrum of {label!r}", shape, least=0
+            )
             for label, values in self.spectra.items()
         }
 
@@ -210,34 +211,30 @@ class OrderSpectrumDisplay(PowerDisplay):
                     f"channels {blocks[0].channel!r} and {block.channel!r} have different orders; "
                     f"draw each in a display of its own."
                 )
-        spectra = {
-            label: np.stack([mean[b.columns] for b in blocks]) for label, mean in means.items()
-        }
-        if single:
-            spectra = {label: values[0] for label, values in spectra.items()}
+        spectra = {label: [mean[b.columns] for b in blocks] for label, mean in means.items()}
         channel = single or [block.channel for block in blocks]
         return cls(blocks[0].orders, spectra, channel=channel, **options)
 
     def frame(self) -> pd.DataFrame:
         """Return the spectra: one row per order, one column per label (or channel and label)."""
-        index = pd.Index(self.orders, name="order")
-        if isinstance(self.channel, str):
-            return pd.DataFrame({**self.spectra}, index=index)
         columns = {
             (channel, label): values[i]
-            for i, channel in enumerate(self.channel)
+            for i, channel in enumerate(self.channels)
             for label, values in self.spectra.items()
         }
-        return pd.DataFrame(columns, index=index).rename_axis(columns=["channel", "label"])
+        table = pd.DataFrame(columns, index=pd.Index(self.orders, name="order"))
+        table.columns.names = ["channel", "label"]
+        return table[self.channel] if isinstance(self.channel, str) else table
 
     def _draw(self, ax: Any) -> Any:
-        channels = [self.channel] if isinstance(self.channel, str) else list(self.channel)
-        axes = _drawing.panel_axes(ax, len(channels), height=3.8 if len(channels) == 1 else 2.0)
+        n_channels = len(self.channels)
+        axes = _drawing.panel_axes(ax, n_channels, height=3.8 if n_channels == 1 else 2.0)
+        top = self.orders[-1] if self.max_order is None else self.max_order
         gap = 0.0
-        for i, (panel, channel) in enumerate(zip(axes, channels, strict=True)):
+        for i, (panel, channel) in enumerate(zip(axes, self.channels, strict=True)):
             for label, number in _drawing.state_numbers(self.spectra, self.healthy).items():
-                self._draw_line(panel, np.atleast_2d(self.spectra[label])[i], label, number)
-            panel.set_xlim(0, self.orders[-1] if self.max_order is None else self.max_order)
+                self._draw_line(panel, self.spectra[label][i], top, label, number)
+            panel.set_xlim(0, top)
             density = self.scaling == "density"
             self._label_power(panel, channel, *(("PSD", "/order") if density else ("power",)))
             gap = max(gap, _drawing.mark_orders(panel, self.fault_orders, named=i == 0))
@@ -245,8 +242,9 @@ class OrderSpectrumDisplay(PowerDisplay):
         _drawing.legend_above(axes[0], gap=gap)
         return axes[0] if isinstance(self.channel, str) else axes
 
-    def _draw_line(self, panel: Any, values: NDArray[np.floating], label: str, number: int) -> None:
-        top = self.orders[-1] if self.max_order is None else self.max_order
+    def _draw_line(
+        self, panel: Any, values: NDArray[np.floating], top: float, label: str, number: int
+    ) -> None:
         # Detrending changes the line at order 0, which is not the order of any fault.
         drawn = (self.orders > 0) & (self.orders <= top)
         power = _drawing.decibels(values[drawn])
@@ -328,7 +326,7 @@ class OrderBinsDisplay(PowerDisplay):
         return _bars.bin_frame(self.blocks, self.powers)
 
     def _draw(self, ax: Any) -> Any:
-        axes = _bars.bin_panels(ax, self.blocks)
+        axes = _bars.bin_panels(ax, [[block] for block in self.blocks])
         for panel, block in zip(axes, self.blocks, strict=True):
             self._draw_block(panel, block)
             if _bars.has_order_axis(block):
@@ -338,18 +336,17 @@ class OrderBinsDisplay(PowerDisplay):
         return axes
 
     def _draw_block(self, panel: Any, block: BinBlock) -> None:
-        numbers = _drawing.state_numbers(self.powers, self.healthy)
         places = _bars.bin_places(block)
-        groups = [
-            _bars.Group(label, number, places, _drawing.decibels(self.powers[label][block.columns]))
-            for label, number in numbers.items()
-        ]
-        known = groups[0].heights[np.isfinite(groups[0].heights)]
-        if len(groups) > 1 or not len(known):
-            _bars.draw_groups(panel, groups)
-            return
-        # Decibel bars have no natural zero; start below the minimum.
-        margin = max(1.0, 0.08 * float(np.ptp(known)))
-        bottom = float(known.min()) - margin
-        _bars.draw_groups(panel, groups, bottom)
-        panel.set_ylim(bottom, known.max() + margin)
+        for label, number in _drawing.state_numbers(self.powers, self.healthy).items():
+            levels = _drawing.decibels(self.powers[label][block.columns])
+            if len(self.powers) > 1:
+                _bars.draw_steps(panel, places, levels, label, number)
+                continue
+            known = levels[np.isfinite(levels)]
+            low, high = (known.min(), known.max()) if len(known) else (0.0, 0.0)
+            # Decibel bars have no natural zero; start below the minimum.
+            margin = max(1.0, 0.08 * (high - low))
+            style = {"label": _drawing.wrapped(label)}
+            style |= _bars.bar_style(_drawing.colour_of(number))
+            _bars.draw_bars(panel, places, levels, bottom=low - margin, **style)
+            panel.set_ylim(low - margin, high + margin)
