@@ -32,10 +32,10 @@ class StreamInput(Resumable):
 
     Parameters
     ----------
-    channels : sequence of str
-        Names of the channels.
+    channels, names : sequence of str
+        Names of the channels of the stream, and of those that are needed.
     groups : mapping of float to sequence of int
-        Sampling rates [Hz], each with the channels that have it.
+        Sampling rates [Hz], each with the channels of `names` that have it.
     shaft_fs : float
         That of the shaft reference [Hz].
     max_speed : float
@@ -44,31 +44,29 @@ class StreamInput(Resumable):
         Whether angles are wrapped at 2π.
     """
 
-    held = ("_measured", "_last", "_turns")
+    held = ("_last", "_turns")
 
     def __init__(
         self,
         channels: Sequence[str],
+        names: Sequence[str],
         groups: Mapping[float, Sequence[int]],
         shaft_fs: float,
         max_speed: float,
         wrapped: bool,
     ) -> None:
-        self._channels, self._groups, self._shaft_fs = channels, groups, shaft_fs
-        self._max_speed, self._wrapped = max_speed, wrapped
-        self._labels = [f"channel {name!r}" for name in channels]
+        self._channels, self._names, self._groups = channels, names, groups
+        self._shaft_fs, self._max_speed, self._wrapped = shaft_fs, max_speed, wrapped
         self.reset()
 
     def reset(self) -> None:
         """Begin another recording."""
-        self._measured = np.empty(0)  # the last angle
-        self._last = np.empty(0)  # the same, unwrapped
-        self._turns = 0  # between the two
-        self._next = self._measured, self._last, self._turns
+        self._last: Samples = np.empty(0)  # the last angle, as measured
+        self._turns = 0  # to be added to it
 
     def checked(
         self, signals: Any, shaft: Any, reference: str, times: Sequence[float]
-    ) -> list[list[Samples]]:
+    ) -> list[Samples]:
         """Return the samples of the channels of each group, and of the shaft, as arrays.
 
         Parameters
@@ -82,67 +80,61 @@ class StreamInput(Resumable):
 
         Returns
         -------
-        list of list of ndarray of shape (n_times,)
+        list of ndarray of shape (n_rows, n_times)
         """
         rows = self._rows(signals)
         streams = []
         for (rate, group), time in zip(self._groups.items(), times, strict=False):
-            taken = [_samples(rows[k], self._labels[k], rate, time) for k in group]
+            names = [self._names[k] for k in group]
+            taken = [_samples(rows[name], f"channel {name!r}", rate, time) for name in names]
             lengths = [len(row) for row in taken]
             if min(lengths) < max(lengths):
                 k = int(np.not_equal(lengths, lengths[0]).argmax())
                 raise ValueError(
                     f"channels of {rate:g} Hz must have equally many samples in a block, got "
-                    f"{lengths[0]} and {lengths[k]} of {self._channels[group[k]]!r}."
+                    f"{lengths[0]} and {lengths[k]} of {names[k]!r}."
                 )
-            streams.append(taken)
+            streams.append(np.array(taken))
         motion = _samples(shaft, reference, self._shaft_fs, times[-1])
-        if reference == "angle":
-            motion = self._unwrapped(motion)
-        self._check_speed(motion, reference, times[-1])
-        return [*streams, [motion]]
+        if reference == "velocity":
+            self._check_speed(motion, times[-1])
+        elif len(motion):
+            motion = self._continued(motion, times[-1])
+        return [*streams, np.array([motion])]
 
-    def accept(self) -> None:
-        """Go on after the samples that were checked last."""
-        self._measured, self._last, self._turns = self._next
-
-    def _rows(self, signals: Any) -> Sequence[Any]:
+    def _rows(self, signals: Any) -> Mapping[str, Any]:
         if isinstance(signals, Mapping):
             check_channel_names(list(signals), self._channels, "the block")
-            return [signals[name] for name in self._channels]
+            return signals
         rows = list(signals) if np.iterable(signals) else []
         if len(rows) != len(self._channels):
             raise ValueError(
                 f"signals must map channels to samples, or have a row for each of the channels "
                 f"{list(self._channels)}, got {len(rows)} rows."
             )
-        return rows
+        return dict(zip(self._channels, rows, strict=True))
 
-    def _check_speed(self, shaft: Samples, reference: str, time: float) -> None:
-        speed = shaft
-        if reference == "angle":
-            speed = np.diff(np.concatenate([self._last, shaft])) * self._shaft_fs
+    def _check_speed(self, speed: Samples, time: float) -> None:
         if not len(speed) or max(speed.max(), -speed.min()) <= self._max_speed:
             return
         speed = np.abs(speed)
         place = int(np.argmax(speed > self._max_speed))
         raise ValueError(
-            f"the shaft turns at {speed[place]:.6g} rad/s at "
-            f"{time + (place + len(shaft) - len(speed)) / self._shaft_fs:.6f} s, above max_speed = "
-            f"{self._max_speed:g} rad/s. {_ON} Raise max_speed if the speed is real; an angle that "
-            f"is wrapped at 2 pi needs wrapped=True."
+            f"the shaft turns at {speed[place]:.6g} rad/s at {time + place / self._shaft_fs:.6f} "
+            f"s, above max_speed = {self._max_speed:g} rad/s. {_ON} Raise max_speed if the speed "
+            f"is real; an angle that is wrapped at 2 pi needs wrapped=True."
         )
 
-    def _unwrapped(self, measured: Samples) -> Samples:
-        """Return angles that go on from the last one, as `numpy.unwrap` does for all at once."""
-        angle, turns = measured, self._turns
-        if self._wrapped and len(measured):
-            angle = np.unwrap(np.concatenate([self._measured, measured]))[-len(measured) :]
-            angle = angle + 2 * np.pi * turns
-            turns = round((angle[-1] - measured[-1]) / (2 * np.pi))
-        last = np.concatenate([self._last, angle])[-1:]
-        self._next = np.concatenate([self._measured, measured])[-1:], last, turns
-        return angle
+    def _continued(self, measured: Samples, time: float) -> Samples:
+        """Return angles that go on from the last one; wrapped ones as `numpy.unwrap` does."""
+        steps = np.diff(measured, prepend=self._last if len(self._last) else measured[:1])
+        added = np.zeros(len(steps))
+        if self._wrapped:
+            added = np.rint(steps / (-2 * np.pi))
+        self._check_speed((steps + 2 * np.pi * added) * self._shaft_fs, time)
+        turns = self._turns + np.cumsum(added)
+        self._last, self._turns = measured[-1:], int(turns[-1])
+        return measured + 2 * np.pi * turns
 
 
 def _samples(values: Any, name: str, fs: float, time: float) -> Samples:
@@ -160,6 +152,7 @@ def _samples(values: Any, name: str, fs: float, time: float) -> Samples:
 
 
 UNITS = ("revolutions", "s")
+_PARTS = ("input", "alarms", "cutter", "stream")
 
 
 class OrderMonitor:
@@ -178,7 +171,7 @@ class OrderMonitor:
     fs : float or mapping of str to float
         Sampling rate [Hz], one for all channels or one for each.
     channels : sequence of str
-        Names of the channels, among them those of the model.
+        Names of the channels, among them those of the model; samples of the others are not used.
     max_speed : float
         Highest speed of the measured shaft [rad/s]. How densely signals are upsampled depends on
         the highest speed of a stroke, which is not known before its end; all densities up to that
@@ -199,7 +192,7 @@ class OrderMonitor:
     Attributes
     ----------
     time : float
-        Time up to which all channels and the shaft were received [s].
+        Time up to which all channels of the model and the shaft were received [s].
 
     Raises
     ------
@@ -249,32 +242,33 @@ class OrderMonitor:
     ) -> None:
         self._model = StreamedModel(model)
         self._channels = chosen_channels(channels, ())
-        check_channel_names(self._channels, self._model.resampler.channels_, "the stream")
+        self._names = self._model.resampler.channels_
+        check_channel_names(self._channels, self._names, "the stream")
         self._rates = check_rates(fs, self._channels)
         self._shaft_fs = check_shaft_rate(shaft_fs, self._rates)
         self._max_speed = check_number(max_speed, "max_speed", above=0, at_most=1e6, unit="rad/s")
-        self._every = None if every is None else check_number(every, "every", above=0)
+        self._every = np.inf if every is None else check_number(every, "every", above=0)
         self._unit = check_choice(unit, "unit", UNITS)
+        rates = [self._rates[name] for name in self._names]
         self._groups = {  # channels of one rate are held together
-            rate: [k for k, name in enumerate(self._channels) if self._rates[name] == rate]
-            for rate in self._rates.values()
+            rate: [k for k, other in enumerate(rates) if other == rate] for rate in rates
         }
         self._all_rates = [*self._groups, self._shaft_fs]
         self._input = StreamInput(
             self._channels,
+            self._names,
             self._groups,
             self._shaft_fs,
             self._max_speed,
             check_choice(wrapped, "wrapped", (True, False)),
         )
         self._alarms = ReadingAlarms(self._model, alarms)
-        self._origin = 0.0  # time of the first sample of the recording
-        self._reference: str | None = None
+        self._begin("", 0.0)
 
     @property
     def time(self) -> float:
-        """Time up to which all channels and the shaft were received [s]."""
-        return self._origin + self._duration()
+        """Time up to which all channels of the model and the shaft were received [s]."""
+        return min(self._times())
 
     def push(
         self,
@@ -312,19 +306,11 @@ class OrderMonitor:
         reference = "velocity" if angle is None else "angle"
         self._check_reference(reference, velocity, angle)
         origin = self._checked_time(time)
-        begun = self._reference is not None
-        streams = self._input.checked(
-            signals,
-            velocity if angle is None else angle,
-            reference,
-            [origin + n / r for n, r in zip(self._received(), self._all_rates, strict=True)],
-        )
-        if begun:
-            self._check_memory()
-        if not begun:
-            self._origin, self._reference = origin, reference
-            self._begin()
-        self._input.accept()
+        self._check_memory()
+        shaft = velocity if angle is None else angle
+        streams = self._input.checked(signals, shaft, reference, self._times(origin))
+        if not self._reference:
+            self._begin(reference, origin)
         self._cutter.append(streams)
         return self._advance()
 
@@ -342,24 +328,21 @@ class OrderMonitor:
         ValueError
             If the durations of channels and shaft differ by more than a sample.
         """
-        if self._reference is None:
+        if not self._reference:
             return []
-        groups = [[f"channel {self._channels[k]!r}" for k in g] for g in self._groups.values()]
-        counts = zip([*groups, ["the shaft"]], self._received(), self._all_rates, strict=True)
-        check_durations({name: (range(n), r) for names, n, r in counts for name in names})  # type: ignore[misc]
-        self._feed(self._cutter.take(all_of_them=True))
+        labels = [f"channel {self._names[group[0]]!r}" for group in self._groups.values()]
+        counts = zip([*labels, "the shaft"], self._cutter.received, self._all_rates, strict=True)
+        check_durations({name: (range(n), rate) for name, n, rate in counts})  # type: ignore[misc]
+        self._stream.append(self._cutter.take(all_of_them=True))
         end = self.time
         readings = [self._finish(end)] if end > self._origin + self._cutter.start else []
         self.reset()
-        self._origin = end
         return readings
 
     def reset(self) -> None:
         """Forget the samples since the start or the last reading, after an error."""
-        end = self.time
-        self._reference = None
         self._input.reset()
-        self._origin = end
+        self._begin("", self.time)
 
     def state(self) -> bytes:
         """Return all that another monitor of this model needs to go on after the last sample.
@@ -369,17 +352,9 @@ class OrderMonitor:
         bytes
             An npz file of arrays and numbers, without pickled code.
         """
-        state: dict[str, Any] = {
-            "settings": self._settings_text(),
-            "model": self._model.digest(),
-            "origin": self._origin,
-            "alarms": self._alarms.state(),
-            "input": self._input.state(),
-        }
-        if self._reference is not None:
-            state |= {"reference": self._reference, "cutter": self._cutter.state()}
-            state["stream"] = self._stream.state()
-        return packed(state)
+        parts = {name: getattr(self, f"_{name}") for name in _PARTS}
+        own = {"settings": self._settings_text(), "model": self._model.digest()}
+        return packed(own | parts | {"origin": self._origin, "reference": self._reference})
 
     def restore(self, state: bytes) -> OrderMonitor:
         """Go on after the last sample before `state`.
@@ -413,76 +388,71 @@ class OrderMonitor:
                 "the model with which the state was written, or begin another recording without it."
             )
         try:
-            self._restore(tree)
+            self._begin(tree["reference"], tree["origin"])
+            for name in _PARTS:
+                getattr(self, f"_{name}").restore(tree[name])
         except (KeyError, IndexError, TypeError, ValueError) as error:
-            self._reference, self._origin = None, 0.0
             self._input.reset()
+            self._begin("", 0.0)
             text = "nothing was restored. Go on without it, which begins another recording."
             raise ValueError(f"the state is damaged ({error!r}); {text}") from error
         return self
 
-    def _restore(self, tree: dict[str, Any]) -> None:
-        self._origin = tree["origin"]
-        self._input.restore(tree["input"])
-        self._alarms.restore(tree["alarms"])
-        self._reference = tree.get("reference")
-        if self._reference is not None:
-            self._begin()
-            self._cutter.restore(tree["cutter"])
-            self._stream.restore(tree["stream"])
+    def _times(self, origin: float | None = None) -> list[float]:
+        """Return the time of the next sample of each group and of the shaft [s]."""
+        origin = self._origin if origin is None else origin
+        received = zip(self._cutter.received, self._all_rates, strict=True)
+        return [origin + n / rate for n, rate in received]
 
-    def _received(self) -> list[int]:
-        if self._reference is None:
-            return [0] * len(self._all_rates)
-        return self._cutter.received
-
-    def _duration(self) -> float:
-        return min(n / r for n, r in zip(self._received(), self._all_rates, strict=True))
-
-    def _begin(self) -> None:
-        """Begin a recording."""
-        resampler, names = self._model.resampler, self._model.resampler.channels_
-        self._settings = self._stream_settings()
-        self._wanted = []  # of each group of the model: group of the stream, and rows in it
-        for rate, channels in self._settings.groups:
-            places = [self._groups[rate].index(self._channels.index(names[k])) for k in channels]
-            self._wanted.append((list(self._groups).index(rate), places))
-        turn = 2 * np.pi / float(resampler.ratio)
-        in_seconds = self._unit == "s" and self._every is not None
-        rest = self._reference or "velocity", float(resampler.min_speed)
-        sizes = [*map(len, self._groups.values()), 1]
-        interval = self._every, in_seconds, turn
-        self._cutter = IntervalCutter(self._all_rates, sizes, *interval, *rest)
-        self._stream = SpectrumStream(self._settings)
+    def _begin(self, reference: str, origin: float) -> None:
+        """Begin a recording, whose shaft reference is "" before its first samples."""
+        resampler = self._model.resampler
+        self._reference, self._origin = reference, origin
+        self._settings = Settings(
+            self._shaft_fs,
+            self._groups,
+            check_angle_step(resampler.theta_s),
+            resampler.direction,
+            float(resampler.min_speed),
+            resampler.max_rest,
+            float(resampler.ratio),
+            self._max_speed,
+            self._model.psd.plan,
+        )
+        self._cutter = IntervalCutter(
+            self._all_rates,
+            min(*self._rates.values(), self._shaft_fs),
+            [*map(len, self._groups.values()), 1],
+            self._every,
+            self._unit == "s",
+            2 * np.pi / self._settings.ratio,
+            reference,
+            self._settings.min_speed,
+        )
+        self._stream = SpectrumStream(self._settings, reference)
 
     def _advance(self) -> list[Reading]:
         """Process the samples that are known to belong to an interval."""
         readings: list[Reading] = []
         while True:
-            self._feed(self._cutter.take())
+            self._stream.append(self._cutter.take())
             if not self._cutter.complete:
                 return readings
-            readings.append(self._finish(self._origin + (self._cutter.stop or 0.0)))
+            readings.append(self._finish(self._origin + self._cutter.stop))
             self._cutter.next()
-            self._stream = SpectrumStream(self._settings)
-
-    def _feed(self, streams: list[list[Samples]]) -> None:
-        wanted = [[streams[g][k] for k in rows] for g, rows in self._wanted]
-        self._stream.append(wanted, streams[-1][0])
+            self._stream = SpectrumStream(self._settings, self._reference)
 
     def _finish(self, end: float) -> Reading:
         """Return the reading of the interval that ends now."""
         start, error = self._origin + self._cutter.start, ""
-        reading, severe = Reading(start, end, None, {}, None, {}, None), []
+        reading = Reading(start, end, None, {}, None, {}, None)
         try:
-            reading = self._model.reading(start, end, self._stream.finish())
-            statements = self._model.outside_training(self._stream.quality)
-            outside = tuple(s.text for s in statements) or reading.alarms  # new lines
-            reading = replace(reading, outside_training=outside)
-            severe = [statement.text for statement in statements if statement.severe]
+            powers = self._stream.finish()
+            quality = self._stream.quality.quality({n: self._rates[n] for n in self._names})
+            reading = self._model.reading(start, end, powers, quality)
         except ValueError as problem:  # such as an interval in which the shaft stands still
             error = " ".join(str(problem).split())
-        return replace(reading, alarms=self._alarms.update(reading, error, severe))
+        return replace(reading, alarms=self._alarms.update(reading, error))
 
     def _check_memory(self) -> None:
         n_held = max(self._stream.n_held, self._cutter.n_waiting)
@@ -496,7 +466,7 @@ class OrderMonitor:
     def _check_reference(self, reference: str, velocity: Any, angle: Any) -> None:
         if (velocity is None) == (angle is None):
             raise ValueError("exactly one of velocity and angle must be given.")
-        if self._reference not in (None, reference):
+        if self._reference not in ("", reference):
             raise ValueError(
                 f"the stream began with {self._reference}, got {reference}. Give the same one, or "
                 f"end the recording by flush()."
@@ -507,7 +477,7 @@ class OrderMonitor:
         if time is None:
             return self._origin
         start = check_number(time, "time", unit="s")
-        if self._reference is None:
+        if not self._reference:
             return start
         if abs(start - self.time) > 1 / min(self._all_rates):
             raise ValueError(
@@ -516,23 +486,6 @@ class OrderMonitor:
                 f"push then begins another recording."
             )
         return self._origin
-
-    def _stream_settings(self) -> Settings:
-        resampler = self._model.resampler
-        rates = [self._rates[name] for name in resampler.channels_]
-        groups = {r: tuple(i for i, rate in enumerate(rates) if rate == r) for r in rates}
-        return Settings(
-            self._reference or "velocity",
-            self._shaft_fs,
-            tuple(groups.items()),
-            check_angle_step(resampler.theta_s),
-            resampler.direction,
-            float(resampler.min_speed),
-            resampler.max_rest,
-            float(resampler.ratio),
-            self._max_speed,
-            self._model.psd.plan,
-        )
 
     def _settings_text(self) -> str:
         """Return what must agree, beside the model, for a state to be restored."""

@@ -17,19 +17,33 @@ class Resumable:
     Attributes
     ----------
     held : tuple of str
-        Names of these attributes: arrays, numbers, and lists of them.
+        Names of these attributes; all, if there are none. They are arrays, numbers, texts, named
+        tuples, objects that have `state` and `restore`, and lists and dictionaries of them. An
+        object is continued, so it must have been made: of a dictionary of objects, those that are
+        in the state are kept.
     """
 
-    held: ClassVar[tuple[str, ...]]
+    held: ClassVar[tuple[str, ...]] = ()
 
     def state(self) -> dict[str, Any]:
         """Return all that `restore` needs."""
-        return {name: getattr(self, name) for name in self.held}
+        return {name: getattr(self, name) for name in self.held or vars(self)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue from a state."""
-        for name in self.held:
-            setattr(self, name, state[name])
+        """Continue from a state that was packed and unpacked."""
+        for name, value in self.state().items():
+            setattr(self, name, _continued(value, state[name]))
+
+
+def _continued(value: Any, state: Any) -> Any:
+    if hasattr(value, "restore"):
+        value.restore(state)
+        return value
+    if isinstance(value, dict):
+        return {k: _continued(v, state[str(k)]) for k, v in value.items() if str(k) in state}
+    if isinstance(value, list) and any(hasattr(item, "restore") for item in value):
+        return [_continued(*pair) for pair in zip(value, state, strict=True)]
+    return value._make(state) if hasattr(value, "_make") else state
 
 
 def packed(state: dict[str, Any]) -> bytes:
@@ -38,8 +52,8 @@ def packed(state: dict[str, Any]) -> bytes:
     Parameters
     ----------
     state : dict
-        Arrays, numbers and texts, also in nested dictionaries, whose keys are texts without "/",
-        lists and tuples. Entries that are None are omitted.
+        Arrays, numbers and texts, also in nested dictionaries, whose keys as texts have no "/",
+        lists, tuples, and objects that have such a `state`. Entries that are None are omitted.
 
     Returns
     -------
@@ -84,13 +98,12 @@ def unpacked(content: bytes) -> dict[str, Any]:
 def _flat(value: Any, path: str) -> dict[str, Any]:
     if value is None:
         return {}
+    if hasattr(value, "state"):
+        value = value.state()
     if isinstance(value, list | tuple):
         value = {f"#{i}": item for i, item in enumerate(value)} or {"#": np.empty(0)}
     if not isinstance(value, dict):
-        array = np.asarray(value)
-        if array.dtype.hasobject:  # would be stored as code
-            raise TypeError(f"a state holds arrays, numbers and texts, got {value!r} at {path!r}.")
-        return {path: array}
+        return {path: value}
     flat: dict[str, Any] = {} if value else {f"{path}/{_EMPTY}": np.empty(0)}
     for name, item in value.items():
         flat |= _flat(item, f"{path}/{name}" if path else str(name))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from emacm.shaft.motion import (
     longest_gap,
 )
 from emacm.streams.packed_state import Resumable
+
+Samples = NDArray[np.floating]
 
 
 class HeldRows(Resumable):
@@ -37,36 +40,41 @@ class HeldRows(Resumable):
         Number of the last one, + 1.
     """
 
-    held = ("first", "length", "_blocks")
-
     def __init__(self, n_rows: int) -> None:
-        self._blocks: list[NDArray[Any]] = [np.empty((n_rows, 0))]  # joined when they are read
+        self._blocks: list[Samples] = [np.empty((n_rows, 0))]  # joined when they are read
         self.first = self.length = 0
 
     @property
     def series(self) -> list[HeldSeries]:
         """The signals, valid until the next `append`."""
-        return [HeldSeries(self.first, row) for row in self._held]
+        return [HeldSeries(self.first, row) for row in self._joined]
 
-    def since(self, first: int) -> NDArray[np.floating]:
-        """Return the samples from a number on, shape (n_rows, n_times)."""
-        return self._held[:, max(first - self.first, 0) :]
+    @property
+    def n_held(self) -> int:
+        """Samples of a signal that are held."""
+        return self.length - self.first
 
-    def append(self, blocks: Sequence[NDArray[np.floating]]) -> None:
-        """Add the next samples of each signal, equally many."""
-        self._blocks.append(np.stack(blocks))
-        self.length += len(blocks[0])
+    def between(self, first: int, last: int) -> Samples:
+        """Return the samples `first` to `last` (exclusive), shape (n_rows, n_times)."""
+        return self._joined[:, first - self.first : last - self.first]
+
+    def append(self, block: Samples) -> None:
+        """Add the next samples, shape (n_rows, n_times)."""
+        self._blocks.append(block)
+        self.length += block.shape[1]
 
     def drop(self, before: int) -> None:
         """Forget the samples before a number."""
-        forgotten = min(max(0, before - self.first), self.length - self.first)
-        self._blocks = [self._held[:, forgotten:]]
-        self.first += forgotten
+        forgotten = min(before - self.first, self.n_held)
+        if forgotten > 0:
+            self._blocks = [self._joined[:, forgotten:].copy()]
+            self.first += forgotten
 
     @property
-    def _held(self) -> NDArray[np.floating]:
+    def _joined(self) -> Samples:
         if len(self._blocks) > 1:
-            self._blocks = [np.concatenate(self._blocks, axis=1)]
+            blocks = [block for block in self._blocks if block.shape[1]] or self._blocks[:1]
+            self._blocks = [np.concatenate(blocks, axis=1)] if len(blocks) > 1 else blocks
         return self._blocks[0]
 
 
@@ -97,48 +105,39 @@ class HeldSeries(LazySeries):
         return super().__getitem__(key)
 
 
-Samples = NDArray[np.floating]
-
-
-class GrowingStroke:
+@dataclass
+class GrowingStroke(Resumable):
     """A stroke as far as it is known.
 
-    Parameters
+    Attributes
     ----------
     stroke : Stroke
         Its samples so far; the last one is a sample in which the shaft turns.
     start_angle : float
         Shaft angle at its start [rad].
+    powers : dict
+        What is computed along it; empty if nothing is.
     complete : bool
         Whether it has ended.
-    largest_step : float
-        Largest speed [rad/s], or largest angle between two samples [rad] where angles are measured.
-    farthest, reversal : float
-        Farthest angle travelled, and the largest angle by which the shaft turned back [rad].
-    lowest, highest : float
+    slowest, fastest : float
         Range of its speed [rad/s].
-    length : float
-        Angle between its ends [rad], once it is complete.
+    largest_step, farthest, reversal : float
+        Largest angle between two samples, farthest angle travelled, and the largest angle by which
+        the shaft turned back [rad]; 0 for a velocity that never changes its sign.
     """
 
-    def __init__(
-        self,
-        stroke: Stroke,
-        start_angle: float,
-        complete: bool = False,
-        largest_step: float = 0.0,
-        farthest: float = 0.0,
-        reversal: float = 0.0,
-        lowest: float = np.inf,
-        highest: float = 0.0,
-        length: float = 0.0,
-    ) -> None:
-        self.stroke, self.start_angle, self.complete = stroke, start_angle, complete
-        self.largest_step, self.farthest, self.reversal = largest_step, farthest, reversal
-        self.lowest, self.highest, self.length = lowest, highest, length
+    stroke: Stroke
+    start_angle: float
+    powers: dict[Any, Any]
+    complete: bool = False
+    slowest: float = np.inf
+    fastest: float = 0.0
+    largest_step: float = 0.0
+    farthest: float = 0.0
+    reversal: float = 0.0
 
 
-class ShaftStream:
+class ShaftStream(Resumable):
     """Angle and strokes of a shaft, block by block.
 
     Parameters
@@ -151,21 +150,33 @@ class ShaftStream:
         Speed up to which the shaft counts as standing still [rad/s].
     max_rest : float or None
         Longest time at standstill that does not end a stroke [s].
+    new_powers : callable
+        Returns `GrowingStroke.powers` of a new stroke of a direction.
 
     Attributes
     ----------
+    measured : HeldRows
+        The samples of the reference, to which the next ones are appended.
     strokes : list of GrowingStroke
         Those that were not removed; only the last one may still grow.
     n_examined : int
         Samples of which the strokes consist.
     """
 
-    def __init__(self, reference: str, fs: float, min_speed: float, max_rest: float | None) -> None:
-        self.reference = reference
-        self.fs = fs
-        self._min_speed = min_speed
-        self._max_gap = longest_gap(max_rest, fs)
+    held = ("_angle", "_velocity", "n_examined", "strokes")
+
+    def __init__(
+        self,
+        reference: str,
+        fs: float,
+        min_speed: float,
+        max_rest: float | None,
+        new_powers: Callable[[int], dict[Any, Any]],
+    ) -> None:
+        self._is_angle, self.fs, self._min_speed = reference == "angle", fs, min_speed
+        self._max_gap, self._new_powers = longest_gap(max_rest, fs), new_powers
         self._angle, self._velocity = HeldRows(1), HeldRows(1)
+        self.measured = self._angle if self._is_angle else self._velocity
         self.strokes: list[GrowingStroke] = []
         self.n_examined = 0
 
@@ -174,55 +185,30 @@ class ShaftStream:
         """Cumulative shaft angle, as far as it is known [rad]."""
         return self._angle.series[0]
 
-    @property
-    def n_received(self) -> int:
-        """Samples received."""
-        return self._measured.length
-
-    @property
-    def n_held(self) -> int:
-        """Samples held."""
-        return self._measured.length - self._measured.first
-
-    def append(self, samples: Samples) -> None:
-        """Add the next samples of the reference."""
-        self._measured.append([samples])
-
-    def advance(self) -> None:
-        """Extend angle and strokes by the samples received."""
-        if self.reference == "angle":
-            self._differentiate(self.n_received - 1)  # the last one depends on the next angle
-        elif self.n_received > self.n_examined:
-            self._angle.append([self._integrated()])
-            self._examine()
-
-    def close(self) -> None:
-        """Complete the last stroke: the recording ends here."""
-        self.advance()
-        if self.reference == "angle":
-            self._differentiate(self.n_received)
-        if self.strokes:
+    def advance(self, *, ended: bool) -> None:
+        """Extend angle and strokes by the samples received, which may be all of the recording."""
+        first, known = self.n_examined, self.measured.length
+        if self._is_angle and not ended:
+            known -= 1  # the velocity of the last one depends on the next angle
+        if known > max(first, 1):
+            if self._is_angle:
+                velocity = DifferentiatedVelocity(self.angle, self.fs)
+                self._velocity.append(velocity.read(first, known)[np.newaxis])
+            else:
+                self._angle.append(self._integrated()[np.newaxis])
+            self.n_examined = known
+            self._examine(first)
+        if ended and self.strokes:
             self.strokes[-1].complete = True
 
     def path(self, growing: GrowingStroke, ratio: float) -> ShaftPath:
         """Return the travel along a stroke up to now, of the shaft of interest."""
-        stroke, start_angle = growing.stroke, growing.start_angle
-        start, stop, sign = stroke
+        (start, stop, sign), start_angle = growing.stroke, growing.start_angle
         travel = ScaledTravel(self.angle, start, stop, origin=start_angle, scale=sign)
-        known = self.fastest(growing), growing.reversal
+        fastest = growing.largest_step * self.fs if self._is_angle else growing.fastest
+        known = fastest, growing.reversal
         path = ShaftPath(travel, self.fs, start / self.fs, start_angle, sign, *known)
         return path.geared(ratio)
-
-    def count(self, growing: GrowingStroke, theta_s: float) -> int:
-        """Return the number of angles `theta_s` [rad] apart on a stroke so far."""
-        stroke = growing.stroke
-        travel = stroke.direction * (float(self.angle[stroke.stop - 1]) - growing.start_angle)
-        growing.length = travel
-        return int(travel / theta_s + 1e-9) + 1 if travel > 0 else 0
-
-    def fastest(self, growing: GrowingStroke) -> float:
-        """Return the highest speed along a stroke so far [rad/s]."""
-        return growing.largest_step * (1.0 if self.reference == "velocity" else self.fs)
 
     def drop(self, before: int) -> None:
         """Forget samples that neither resampling nor the strokes need any more."""
@@ -231,89 +217,55 @@ class ShaftStream:
         self._angle.drop(min(before, self.n_examined - 2))
         self._velocity.drop(min(before, self.n_examined - 1))
 
-    @property
-    def _measured(self) -> HeldRows:
-        return self._velocity if self.reference == "velocity" else self._angle
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state."""
+        known = [Stroke(*stroke["stroke"]) for stroke in state["strokes"]]
+        self.strokes = [self._new_stroke(stroke, 0.0) for stroke in known]
+        super().restore(state)
 
     def _integrated(self) -> Samples:
         """Continue the integral over the velocity by the trapezoidal rule, in one running sum."""
         n_before = min(1, self.n_examined)
         total = np.array([float(self.angle[-1]) if n_before else 0.0])
-        speed = self._velocity.series[0][self.n_examined - n_before :]
+        (speed,) = self._velocity.between(self.n_examined - n_before, self._velocity.length)
         speed.flags.writeable = False  # so that one kind of array is compiled for
         angle = np.empty(len(speed))
         _kernels.loops.integrate(speed, 0.5 / self.fs, total, len(speed), angle)
         return angle[n_before:]
 
-    def _differentiate(self, known: int) -> None:
-        """Compute the velocity of the samples before a number."""
-        if known > max(self.n_examined, 1):
-            velocity = DifferentiatedVelocity(self.angle, self.fs)
-            self._velocity.append([velocity.read(self.n_examined, known)])
-            self._examine()
+    def _new_stroke(self, stroke: Stroke, start_angle: float) -> GrowingStroke:
+        """Return a stroke of which no sample is known yet."""
+        powers = self._new_powers(stroke.direction)
+        return GrowingStroke(stroke._replace(stop=stroke.start), start_angle, powers)
 
-    def _examine(self) -> None:
-        """Extend the strokes by samples whose velocity is known."""
-        first = self.n_examined
-        velocity = self._velocity.series[0][first:]
-        self.n_examined += len(velocity)
-        growing = self.strokes[-1] if self.strokes and not self.strokes[-1].complete else None
-        known = [growing.stroke] if growing else []
-        extend_strokes(known, first, velocity, self._min_speed, self._max_gap)
-        if growing:
-            before, growing.stroke = growing.stroke.stop, known.pop(0)
-            self._extend(growing, before)
-        for stroke in known:
-            if self.strokes:
-                self.strokes[-1].complete = True
-            self.strokes.append(GrowingStroke(stroke, float(self.angle[stroke.start])))
-            self._extend(self.strokes[-1], stroke.start)
+    def _examine(self, first: int) -> None:
+        """Extend the strokes by the samples from `first` on, whose velocity is known."""
+        (velocity,) = self._velocity.between(first, self.n_examined)
+        growing = [stroke for stroke in self.strokes[-1:] if not stroke.complete]
+        strokes = [old.stroke for old in growing]
+        extend_strokes(strokes, first, velocity, self._min_speed, self._max_gap)
+        new = [self._new_stroke(s, float(self.angle[s.start])) for s in strokes[len(growing) :]]
+        self.strokes += new
+        for each, stroke in zip(growing + new, strokes, strict=True):
+            self._extend(each, stroke)
+            each.complete = each is not self.strokes[-1]
         if self.strokes and self.n_examined - self.strokes[-1].stroke.stop + 1 > self._max_gap:
             self.strokes[-1].complete = True
 
-    def _extend(self, growing: GrowingStroke, first: int) -> None:
-        """Take up the samples of a stroke from `first` on."""
-        stroke = growing.stroke
+    def _extend(self, growing: GrowingStroke, stroke: Stroke) -> None:
+        """Take up the samples of a stroke as it is known now."""
+        first, growing.stroke = growing.stroke.stop, stroke
         if first == stroke.stop:
             return
-        steps = self._velocity.series[0][first : stroke.stop]
-        ends = float(steps.min()), float(steps.max())
-        slowest, fastest = sorted(map(abs, ends))
-        if ends[0] <= 0 <= ends[1]:
-            slowest = float(np.abs(steps).min())
-        growing.lowest, growing.highest = (
-            min(growing.lowest, slowest),
-            max(growing.highest, fastest),
-        )
-        if self.reference == "velocity" and self._min_speed == 0:  # the shaft never turns back
-            growing.largest_step = max(growing.largest_step, fastest)
+        speed = np.abs(self._velocity.between(first, stroke.stop))
+        growing.slowest = min(growing.slowest, float(speed.min()))
+        growing.fastest = max(growing.fastest, float(speed.max()))
+        if not self._is_angle and self._min_speed == 0:  # the shaft never turns back
             return
         low = max(first - 1, stroke.start)
         travel = stroke.direction * (self.angle[low : stroke.stop] - growing.start_angle)
-        if self.reference == "angle":
-            steps = np.diff(travel)
-        largest = float(np.abs(steps).max(initial=0.0))
+        largest = float(np.abs(np.diff(travel)).max(initial=0.0))
         growing.largest_step = max(growing.largest_step, largest)
         reached = np.maximum(np.maximum.accumulate(travel), growing.farthest)
         growing.reversal = max(growing.reversal, float(np.max(reached - travel)))
         growing.farthest = float(reached[-1])
-
-    def state(self) -> dict[str, Any]:
-        """Return all that `restore` needs."""
-        strokes = [{**vars(s), "stroke": np.array(s.stroke)} for s in self.strokes]
-        return {
-            "angle": self._angle.state(),
-            "velocity": self._velocity.state(),
-            "examined": self.n_examined,
-            "strokes": strokes,
-        }
-
-    def restore(self, state: dict[str, Any]) -> None:
-        """Continue from a state."""
-        self._angle.restore(state["angle"])
-        self._velocity.restore(state["velocity"])
-        self.n_examined = state["examined"]
-        self.strokes = []
-        for values in state["strokes"]:
-            stroke = Stroke(*values.pop("stroke").tolist())
-            self.strokes.append(GrowingStroke(stroke, **values))

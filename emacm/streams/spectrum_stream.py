@@ -24,58 +24,51 @@ class StreamQuality(Resumable):
 
     Parameters
     ----------
-    groups : sequence of (float, sequence of int)
-        Sampling rates [Hz], each with the channels that have it.
+    n_channels : int
+        Number of channels.
     """
 
-    held = ("_sums", "_strokes")
+    held = ("_sums", "_row", "_forward")
 
-    def __init__(self, groups: Sequence[tuple[float, Sequence[int]]]) -> None:
-        self._groups = groups
-        # Of each group: number of samples, sums and sums of squares of its channels.
-        self._sums = [np.zeros((3, len(channels))) for _, channels in groups]
-        # Number, revolutions, longest, lowest and highest speed, revolutions forward.
-        self._strokes = np.zeros(6)
-        self._strokes[3] = np.inf
-
-    def add_samples(self, group: int, rows: Array) -> None:
-        """Take up the next samples of a group, shape (n_channels, n_times)."""
-        number = np.full(len(rows), rows.shape[1])
-        self._sums[group] += [number, rows.sum(axis=1), np.einsum("ij,ij->i", rows, rows)]
-
-    def add_stroke(self, turned: float, lowest: float, highest: float, direction: int) -> None:
-        """Take up a stroke: angle [rad], speeds [rad/s] and direction of the shaft of interest."""
-        revolutions = turned / (2 * np.pi)
-        n, total, longest, low, high, forward = self._strokes
-        speeds = min(low, lowest), max(high, highest)
-        forward += revolutions if direction > 0 else 0.0
-        self._strokes[:] = n + 1, total + revolutions, max(longest, revolutions), *speeds, forward
-
-    def quality(self, names: Sequence[str]) -> Quality:
-        """Return the properties of all that was taken up; `names` are those of the channels."""
-        rates, levels = {}, {}
-        for (fs, channels), (number, total, squares) in zip(self._groups, self._sums, strict=True):
-            mean = total / np.maximum(number, 1)
-            variance = squares / np.maximum(number, 1) - mean**2
-            for k, channel in enumerate(channels):
-                rates[names[channel]] = fs
-                levels[names[channel]] = float(np.sqrt(max(variance[k], 0.0)))
-        n_strokes, revolutions, longest, slowest, fastest, forward = self._strokes.tolist()
-        row = {
-            "revolutions": revolutions,
-            "strokes": n_strokes,
-            "longest_stroke": longest,
-            "slowest": slowest if n_strokes else 0.0,
-            "fastest": fastest,
-            "max_order": np.pi * min(rates.values()) / fastest if fastest else np.inf,
+    def __init__(self, n_channels: int) -> None:
+        # Number of samples of each channel, their sum and the sum of their squares.
+        self._sums = np.zeros((3, n_channels))
+        self._row = {
+            "revolutions": 0.0,
+            "strokes": 0,
+            "longest_stroke": 0.0,
+            "slowest": np.inf,
+            "fastest": 0.0,
         }
-        ordered = {name: levels[name] for name in names}
-        share = forward / revolutions if revolutions else np.nan
-        ordered_rates = {name: rates[name] for name in names}
-        return Quality(row, ordered_rates, ordered, {}, (), False, share)
+        self._forward = 0.0  # revolutions
 
+    def add_samples(self, channels: Sequence[int], held: HeldRows) -> None:
+        """Take up those samples of some channels that were not taken up yet."""
+        rows = held.between(int(self._sums[0, channels[0]]), held.length)
+        number = np.full(len(rows), rows.shape[1])
+        self._sums[:, channels] += [number, rows.sum(axis=1), np.einsum("ij,ij->i", rows, rows)]
 
-Powers = NDArray[np.floating]
+    def add_stroke(self, path: ShaftPath, slowest: float, fastest: float) -> None:
+        """Take up a stroke of the shaft of interest and the range of its speed [rad/s]."""
+        row, revolutions = self._row, path.length / (2 * np.pi)
+        row["revolutions"] += revolutions
+        row["strokes"] += 1
+        row["longest_stroke"] = max(row["longest_stroke"], revolutions)
+        row["slowest"] = min(row["slowest"], slowest)
+        row["fastest"] = max(row["fastest"], fastest)
+        self._forward += revolutions if path.direction > 0 else 0.0
+
+    def quality(self, rates: Mapping[str, float]) -> Quality:
+        """Return the properties of all that was taken up, for the rates of the channels [Hz]."""
+        number = np.maximum(self._sums[0], 1)
+        variances = self._sums[2] / number - (self._sums[1] / number) ** 2
+        levels = np.sqrt(np.maximum(variances, 0.0)).tolist()
+        row, revolutions, fastest = dict(self._row), self._row["revolutions"], self._row["fastest"]
+        row["slowest"] = row["slowest"] if row["strokes"] else 0.0
+        row["max_order"] = np.pi * min(rates.values()) / fastest if fastest else np.inf
+        share = self._forward / revolutions if revolutions else np.nan
+        named = dict(zip(rates, levels, strict=True))
+        return Quality(row, dict(rates), named, {}, (), False, share)
 
 
 @dataclass(frozen=True)
@@ -84,11 +77,9 @@ class Settings:
 
     Attributes
     ----------
-    reference : {"velocity", "angle"}
-        What is measured of the shaft.
     shaft_fs : float
-        Its sampling rate [Hz].
-    groups : tuple of (float, tuple of int)
+        Sampling rate of the shaft reference [Hz].
+    groups : mapping of float to sequence of int
         Sampling rates [Hz], each with the channels that have it.
     theta_s, direction, min_speed, max_rest, ratio
         As for `OrderResampler`.
@@ -105,9 +96,8 @@ class Settings:
         Samples of a channel that may be held.
     """
 
-    reference: str
     shaft_fs: float
-    groups: tuple[tuple[float, tuple[int, ...]], ...]
+    groups: Mapping[float, Sequence[int]]
     theta_s: float
     direction: str
     min_speed: float
@@ -120,128 +110,63 @@ class Settings:
     most_held: int = 1 << 22
 
     @property
-    def kinds(self) -> list[tuple[int, str]]:
-        """Directions whose spectra are separate, 0 for both, and what to call their strokes."""
-        both = [(1, "forward stroke"), (-1, "reverse stroke")]
-        return both if self.plan.by_direction else [(0, "stroke")]
+    def kinds(self) -> tuple[str, ...]:
+        """What to call the strokes whose spectra are separate."""
+        return ("forward stroke", "reverse stroke") if self.plan.by_direction else ("stroke",)
+
+    def upsampling(self, fs: float, fastest: float) -> int:
+        """Return how much denser samples must be for a speed of the shaft of interest [rad/s]."""
+        return upsampling(fs, fastest, self.theta_s)
 
 
-class PowerSum:
-    """Sum of the powers of all segments of a signal over the shaft angle."""
+class StrokePowers(SectionCutter, Resumable):
+    """Sum of the powers of all segments of a stroke, in channels of one sampling rate.
 
-    def __init__(self, plan: SegmentPlan) -> None:
-        self._plan = plan
-        self._cutter = SectionCutter(plan.n_per_segment, plan.step)
+    Parameters
+    ----------
+    settings : Settings
+        What the powers depend on.
+    fs : float
+        The sampling rate [Hz].
+    factor : int
+        How much denser the samples are made.
+
+    Attributes
+    ----------
+    spreading : Spreading
+        Resampling of the stroke.
+    total : ndarray of shape (n_channels, n_orders)
+        The sum; 0 before the first segment.
+    count : int
+        Number of segments.
+    """
+
+    held = ("spreading", "rest", "total", "count")
+
+    def __init__(self, settings: Settings, fs: float, factor: int) -> None:
+        super().__init__(settings.plan.n_per_segment, settings.plan.step)
+        self._plan = settings.plan
+        self.spreading = Spreading(fs, factor, settings.theta_s)
         self.total: Any = 0.0
         self.count = 0
 
-    def add(self, block: NDArray[np.floating]) -> None:
-        """Add the segments that are complete with the next samples."""
-        for section, n_segments in self._cutter.add(block):
-            self.total = self.total + self._plan.section_powers(section, n_segments)
-            self.count += n_segments
-
-    def state(self) -> dict[str, Any]:
-        """Return all that `restore` needs."""
-        return {"total": self.total, "count": self.count, "rest": self._cutter.rest}
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue from a state."""
-        self.total, self.count, self._cutter.rest = state["total"], state["count"], state["rest"]
+    def advance(self, rows: Sequence[HeldSeries], path: ShaftPath, *, complete: bool) -> None:
+        """Add the segments that are complete in the channels along the stroke as it is known."""
+        for block in self.spreading.outputs(rows, path, complete=complete):
+            for section, n_segments in self.add(block):
+                self.total = self.total + self._plan.section_powers(section, n_segments)
+                self.count += n_segments
 
 
-class StrokeStream:
-    """Powers of one stroke, in channels of one sampling rate, while it is measured.
-
-    How dense the time samples have to be depends on the highest speed of the whole stroke. As that
-    is not known before its end, all densities that are still possible are processed.
-    """
-
-    def __init__(self, settings: Settings, fs: float) -> None:
-        self._settings, self._fs = settings, fs
-        self._started: dict[int, tuple[Spreading, PowerSum]] | None = None
-
-    def advance(
-        self, rows: Sequence[HeldSeries], path: ShaftPath, *, complete: bool, ended: bool
-    ) -> PowerSum | None:
-        """Process what is known; return the powers if that is the whole stroke.
-
-        Parameters
-        ----------
-        rows : sequence of HeldSeries
-            The channels.
-        path : ShaftPath
-            The stroke, as far as it is known.
-        complete : bool
-            Whether the stroke has ended.
-        ended : bool
-            Whether the recording has ended.
-        """
-        slowest = upsampling(self._fs, path.fastest, self._settings.theta_s)
-        if self._started is None:
-            self._started = self._start(slowest)
-        for factor in [f for f in self._started if f < slowest]:
-            del self._started[factor]
-        if complete:
-            spreading, powers = self._started[slowest]
-            self._started = {slowest: (spreading, powers)}
-            if not ended and len(rows[0]) < spreading.rows_needed(path):
-                return None
-        for spreading, powers in self._started.values():
-            for block in spreading.outputs(rows, path, complete=complete):
-                powers.add(block)
-            if complete:
-                return powers
-        return None
-
-    def needed_from(self, start_time: float) -> float:
-        """Return the time of the first sample that is still needed [s]."""
-        streams = (self._started or {}).values()
-        return min((s.needed_from(start_time) for s, _ in streams), default=start_time)
-
-    @property
-    def n_held(self) -> int:
-        """Samples that are held for the mirror image at the end of the stroke."""
-        streams = (self._started or {}).values()
-        return max((spreading.n_held for spreading, _ in streams), default=0)
-
-    def _start(self, slowest: int) -> dict[int, tuple[Spreading, PowerSum]]:
-        settings = self._settings
-        highest = settings.ratio * settings.max_speed * (1 + 1e-9)
-        fastest = max(slowest, upsampling(self._fs, highest, settings.theta_s))
-        started = {}
-        for factor in range(slowest, fastest + 1):
-            spreading = Spreading(self._fs, factor, settings.theta_s)
-            started[factor] = spreading, PowerSum(settings.plan)
-        return started
-
-    def state(self) -> dict[str, Any]:
-        """Return all that `restore` needs."""
-        if self._started is None:
-            return {}
-        streams = {str(f): [s.state(), p.state()] for f, (s, p) in self._started.items()}
-        return {"streams": streams}
-
-    def restore(self, state: dict[str, Any]) -> None:
-        """Continue from a state."""
-        if "streams" not in state:
-            return
-        self._started = {}
-        for factor, (spread, summed) in state["streams"].items():
-            spreading = Spreading(self._fs, int(factor), self._settings.theta_s)
-            spreading.restore(spread)
-            powers = PowerSum(self._settings.plan)
-            powers.restore(summed)
-            self._started[int(factor)] = spreading, powers
-
-
-class SpectrumStream:
+class SpectrumStream(Resumable):
     """Order spectra of one recording, of which only what is still needed is held.
 
     Parameters
     ----------
     settings : Settings
         What the spectra depend on.
+    reference : {"velocity", "angle"}
+        What is measured of the shaft.
 
     Attributes
     ----------
@@ -255,37 +180,35 @@ class SpectrumStream:
         Most samples of a channel that were held when some were last processed.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    held = ("shaft", "signals", "quality", "n_held", "_sums", "_counts", "_longest", "_due")
+
+    def __init__(self, settings: Settings, reference: str) -> None:
         self._settings = settings
-        self.shaft = ShaftStream(
-            settings.reference, settings.shaft_fs, settings.min_speed, settings.max_rest
-        )
-        self.signals = [HeldRows(len(group)) for _, group in settings.groups]
-        self._streams: list[dict[int, StrokeStream]] = []  # of each stroke, by group
-        self._sums = self._no_sums()
-        self._longest = {kind: 0 for kind, _ in settings.kinds}
-        self._fastest = max(settings.shaft_fs, *(fs for fs, _ in settings.groups))
-        self.quality = StreamQuality(settings.groups)
-        self._seen = [0] * len(settings.groups)  # samples of each group that were taken up by it
+        motion = settings.shaft_fs, settings.min_speed, settings.max_rest
+        self.shaft = ShaftStream(reference, *motion, self._new_powers)
+        self.signals = [HeldRows(len(group)) for group in settings.groups.values()]
+        shape = sum(map(len, settings.groups.values())), len(settings.kinds)
+        self._sums = np.zeros((*shape, settings.plan.n_orders))
+        self._counts = np.zeros((*shape, 1))
+        self._longest = np.zeros(len(settings.kinds), int)  # outputs
+        self._fastest = max(settings.shaft_fs, *settings.groups)
+        self.quality = StreamQuality(shape[0])
         self._due = settings.waiting  # samples at the fastest rate, at which some are processed
         self.n_held = 0
 
-    def append(
-        self, signals: Sequence[Sequence[NDArray[np.floating]]], shaft: NDArray[np.floating]
-    ) -> None:
+    def append(self, streams: Sequence[Array]) -> None:
         """Add the next samples of the channels, by group, and of the shaft; process what is due."""
-        self.shaft.append(shaft)
-        for held, blocks in zip(self.signals, signals, strict=True):
-            held.append(blocks)
-        n_times = max(self.shaft.n_received, *(held.length for held in self.signals))
+        inputs = [*self.signals, self.shaft.measured]
+        for held, block in zip(inputs, streams, strict=True):
+            held.append(block)
+        n_times = max(held.length for held in inputs)
         if n_times >= self._due:
-            self.shaft.advance()
             first = self._process(ended=False)
             # Where little could be processed, as in a rest, it is not tried again with every block.
             waiting = self._settings.waiting
             self._due = max(int(first * self._fastest), n_times - waiting // 2) + waiting
 
-    def finish(self) -> Powers:
+    def finish(self) -> Array:
         """End the recording, and return its spectra, shape (n_channels, [n_directions,] n_orders).
 
         Raises
@@ -293,141 +216,107 @@ class SpectrumStream:
         ValueError
             If no stroke (of one direction) is as long as a segment, or powers overflow.
         """
-        self.shaft.close()
         self._process(ended=True)
         plan = self._settings.plan
-        n_channels = sum(len(group) for _, group in self._settings.groups)
-        spectra = np.empty((n_channels, len(self._settings.kinds), plan.n_orders))
-        for k, (kind, name) in enumerate(self._settings.kinds):
-            if self._longest[kind] < plan.n_per_segment:
-                longest = self._longest[kind] / plan.samples_per_rev
+        for kind, longest in zip(self._settings.kinds, self._longest, strict=True):
+            if longest < plan.n_per_segment:
                 raise ValueError(
-                    f"no {name} holds a segment of {plan.revolutions:g} revolutions; the longest "
-                    f"one has {longest:.4g}."
+                    f"no {kind} holds a segment of {plan.revolutions:g} revolutions; the longest "
+                    f"one has {longest / plan.samples_per_rev:.4g}."
                 )
-            for (_, group), (total, count) in zip(
-                self._settings.groups, self._sums[kind], strict=True
-            ):
-                spectra[list(group), k] = plan.spectrum_of(total, count)
+        spectra = plan.spectrum_of(self._sums / self._counts, 1)
         if not np.all(np.isfinite(spectra)):
             raise ValueError("a power exceeds the range of float64. State signals in other units.")
         return spectra if plan.by_direction else spectra[:, 0]
 
-    def _no_sums(self) -> dict[int, list[tuple[Any, int]]]:
-        return {kind: [(0.0, 0)] * len(self._settings.groups) for kind, _ in self._settings.kinds}
+    def _new_powers(self, direction: int) -> dict[tuple[int, int], StrokePowers]:
+        """Return the powers of a new stroke, by group and by how dense the samples are made.
+
+        How dense they have to be depends on the highest speed of the whole stroke. As that is not
+        known before its end, all densities that are still possible are processed.
+        """
+        settings = self._settings
+        if direction not in DIRECTIONS[settings.direction]:
+            return {}
+        highest = settings.ratio * settings.max_speed * (1 + 1e-9)
+        return {
+            (k, factor): StrokePowers(settings, fs, factor)
+            for k, fs in enumerate(settings.groups)
+            for factor in range(1, settings.upsampling(fs, highest) + 1)
+        }
 
     def _process(self, *, ended: bool) -> float:
         """Advance all strokes, and forget those that are complete and samples of the past.
 
         Returns the time of the first sample that is still needed [s].
         """
-        shaft, settings = self.shaft, self._settings
-        groups = range(len(settings.groups))
-        for k, held in enumerate(self.signals):
-            self.quality.add_samples(k, held.since(self._seen[k]))
-            self._seen[k] = held.length
-        new = len(shaft.strokes) - len(self._streams)
-        self._streams += [
-            {k: StrokeStream(settings, settings.groups[k][0]) for k in groups} for _ in range(new)
-        ]
-        for growing, streams in zip(shaft.strokes, self._streams, strict=True):
-            self._advance(growing, streams, ended=ended)
-        done = [s.complete and not g for s, g in zip(shaft.strokes, self._streams, strict=True)]
-        for stroke, gone in zip(shaft.strokes, done, strict=True):
-            if (
-                gone
-                and stroke.length > 0
-                and stroke.stroke.direction in DIRECTIONS[settings.direction]
-            ):
-                speeds = settings.ratio * stroke.lowest, settings.ratio * stroke.highest
-                turned = settings.ratio * stroke.length
-                self.quality.add_stroke(turned, *speeds, stroke.stroke.direction)
-        shaft.strokes = [s for s, gone in zip(shaft.strokes, done, strict=True) if not gone]
-        self._streams = [s for s, gone in zip(self._streams, done, strict=True) if not gone]
+        for group, held in zip(self._settings.groups.values(), self.signals, strict=True):
+            self.quality.add_samples(group, held)
+        self.shaft.advance(ended=ended)
+        for growing in self.shaft.strokes:
+            if growing.powers:
+                self._advance(growing, ended=ended)
+        strokes = [s for s in self.shaft.strokes if s.powers or not s.complete]
+        self.shaft.strokes = strokes
         return self._forget()
 
-    def _advance(
-        self, growing: GrowingStroke, streams: dict[int, StrokeStream], *, ended: bool
-    ) -> None:
-        settings, stroke = self._settings, growing.stroke
-        if stroke.direction not in DIRECTIONS[settings.direction]:
-            streams.clear()
-            return
-        if growing.complete:
-            n_angles = self.shaft.count(growing, settings.theta_s / settings.ratio)
-            kind = stroke.direction if settings.plan.by_direction else 0
-            self._longest[kind] = max(self._longest[kind], n_angles)
-            if n_angles < settings.plan.n_per_segment:
-                streams.clear()  # no segment lies in it
-        if not streams or stroke.stop - stroke.start < 2:
-            return
+    def _advance(self, growing: GrowingStroke, *, ended: bool) -> None:
+        """Process what is known of a stroke, and take up its powers if that is all of it."""
+        settings, powers, complete = self._settings, growing.powers, growing.complete
         path = self.shaft.path(growing, settings.ratio)
-        if path.max_reversal > DESIGN.least_reversal:
+        kind = int(settings.plan.by_direction and path.direction < 0)
+        if complete:
+            self._longest[kind] = max(self._longest[kind], path.count(settings.theta_s))
+            if path.count(settings.theta_s) < settings.plan.n_per_segment:
+                powers.clear()  # no segment lies in it
+        elif path.n_times < 2:
+            return
+        if powers and path.max_reversal > DESIGN.least_reversal:
             raise ValueError(
                 f"the shaft turned back by {path.max_reversal:.3g} rad in the stroke that began at "
                 f"{path.start_time:.6g} s of the reading; at most "
                 f"{DESIGN.least_reversal:g} rad can be followed. Raise min_speed or set max_rest "
                 f"of OrderResampler, and reset."
             )
-        for k, stream in list(streams.items()):
-            rows = self.signals[k].series
-            powers = stream.advance(rows, path, complete=growing.complete, ended=ended)
-            if powers is not None:
-                kind = stroke.direction if settings.plan.by_direction else 0
-                total, count = self._sums[kind][k]
-                self._sums[kind][k] = total + powers.total, count + powers.count
-                del streams[k]
+        rates = list(settings.groups)
+        for k, factor in list(powers):
+            needed = settings.upsampling(rates[k], path.fastest)
+            if factor < needed or (complete and factor > needed):
+                del powers[k, factor]
+        if complete and not ended:
+            missing = [
+                self.signals[k].length < p.spreading.rows_needed(path)
+                for (k, _), p in powers.items()
+            ]
+            if any(missing):
+                return
+        for (k, _), each in powers.items():
+            each.advance(self.signals[k].series, path, complete=complete)
+        if complete:
+            self._take_up(growing, path, kind)
+
+    def _take_up(self, growing: GrowingStroke, path: ShaftPath, kind: int) -> None:
+        """Add the powers and the speeds of a stroke that is complete."""
+        settings, groups = self._settings, list(self._settings.groups.values())
+        for (k, _), powers in growing.powers.items():
+            self._sums[groups[k], kind] += powers.total
+            self._counts[groups[k], kind] += powers.count
+        growing.powers.clear()
+        if path.length > 0:
+            speeds = settings.ratio * growing.slowest, settings.ratio * growing.fastest
+            self.quality.add_stroke(path, *speeds)
 
     def _forget(self) -> float:
         """Drop samples that are not needed any more."""
-        shaft = self.shaft
-        needed = [(shaft.n_examined - 1) / shaft.fs]
-        for growing, streams in zip(shaft.strokes, self._streams, strict=True):
-            start_time = growing.stroke.start / shaft.fs
-            needed += [stream.needed_from(start_time) for stream in streams.values()]
+        shaft, margin = self.shaft, self._settings.margin
+        needed, n_held = [(shaft.n_examined - 1) / shaft.fs], [0]
+        for growing in shaft.strokes:
+            for powers in growing.powers.values():
+                needed.append(powers.spreading.needed_from(growing.stroke.start / shaft.fs))
+                n_held.append(powers.spreading.n_held)
         first = min(needed)
-        margin = self._settings.margin
         shaft.drop(int(first * shaft.fs) - margin)
-        for held, (fs, _) in zip(self.signals, self._settings.groups, strict=True):
+        for held, fs in zip(self.signals, self._settings.groups, strict=True):
             held.drop(int(first * fs) - margin)
-        tails = (stream.n_held for streams in self._streams for stream in streams.values())
-        self.n_held = max(
-            shaft.n_held, *(held.length - held.first for held in self.signals), *tails
-        )
+        self.n_held = max(*n_held, *(held.n_held for held in [*self.signals, shaft.measured]))
         return first
-
-    def state(self) -> dict[str, Any]:
-        """Return all that `restore` needs."""
-        streams = [{str(k): s.state() for k, s in each.items()} for each in self._streams]
-        sums = {str(k): [list(s) for s in each] for k, each in self._sums.items()}
-        return {
-            "shaft": self.shaft.state(),
-            "signals": [held.state() for held in self.signals],
-            "streams": streams,
-            "sums": sums,
-            "longest": {str(k): n for k, n in self._longest.items()},
-            "quality": self.quality.state(),
-            "seen": self._seen,
-            "due": self._due,
-            "held": self.n_held,
-        }
-
-    def restore(self, state: dict[str, Any]) -> None:
-        """Continue from a state."""
-        self.shaft.restore(state["shaft"])
-        for held, series in zip(self.signals, state["signals"], strict=True):
-            held.restore(series)
-        self._streams = []
-        for each in state["streams"]:
-            streams = {
-                int(k): StrokeStream(self._settings, self._settings.groups[int(k)][0]) for k in each
-            }
-            for k, stream in streams.items():
-                stream.restore(each[str(k)])
-            self._streams.append(streams)
-        self._sums = {
-            int(k): [(total, count) for total, count in each] for k, each in state["sums"].items()
-        }
-        self._longest = {int(k): n for k, n in state["longest"].items()}
-        self.quality.restore(state["quality"])
-        self._seen, self._due, self.n_held = state["seen"], state["due"], state["held"]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from numbers import Number
 from typing import Any
 
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._statements import Statement
 from emacm.alarms.control_charts import CUSUM, EWMA
 from emacm.alarms.input_alarms import InputAlarm
 from emacm.decisions.pipelines import search_estimator
@@ -23,13 +22,14 @@ from emacm.orders.bin_transformer import collected_statements
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.digests import content_digest
 from emacm.resampling.order_resampler import OrderResampler, SignalCache
+from emacm.resampling.quality import Quality
 from emacm.resampling.training_range import outside_range
-from emacm.streams.spectrum_stream import StreamQuality
+from emacm.streams.packed_state import Resumable
 
 _COST = "expected_cost"
 
 
-class ReadingAlarms:
+class ReadingAlarms(Resumable):
     """Alarms on the readings of a model.
 
     Parameters
@@ -50,13 +50,16 @@ class ReadingAlarms:
         If a name is unknown, or a chart is not fitted on one column.
     """
 
+    held = ("_input", "_charts")
+
     def __init__(self, model: StreamedModel, charts: Mapping[str, EWMA | CUSUM] | None) -> None:
         if not isinstance(charts, Mapping | None):
             raise TypeError(f"alarms must map features to charts, got {charts!r}.")
-        self._charts = deepcopy(dict(charts or {}))  # each monitor continues its own
+        charts = charts or {}
+        self._charts = deepcopy(list(charts.values()))  # each monitor continues its own
         self.charts: dict[str, str] = {}
         self._features = model.feature_names() if charts else []
-        for name, chart in self._charts.items():
+        for name, chart in charts.items():
             if name not in (_COST, *self._features):
                 shown = ", ".join(map(repr, self._features[:8]))
                 raise ValueError(
@@ -74,30 +77,24 @@ class ReadingAlarms:
         unknown = getattr(model.classifier, "unknown", None)
         self._input = InputAlarm(unknown="unknown" if unknown is None else unknown)
 
-    def update(
-        self, reading: Reading, error: str, outside_training: Sequence[str] = ()
-    ) -> tuple[str, ...]:
+    def update(self, reading: Reading, error: str) -> tuple[str, ...]:
         """Return the alarms of the next reading, in words.
 
         Parameters
         ----------
         reading : Reading
-            The reading; its alarms are statements on what is outside the training.
+            The reading; its alarms are what is far outside the range of the training.
         error : str
             Why it has no features, or "".
-        outside_training : sequence of str
-            What is far outside the range of the training.
 
         Returns
         -------
         tuple of str
         """
-        typicality = np.nan if reading.typicality is None else reading.typicality
-        row = {"decision": reading.decision, "typicality": typicality, "error": error}
-        row["outside_training"] = [*outside_training, *reading.alarms]
-        reasons = self._input.reasons(row)
+        row = {"decision": reading.decision, "typicality": reading.typicality, "error": error}
+        reasons = self._input.reasons(row | {"outside_training": reading.alarms})
         found = ["; ".join(reasons)] if reasons else []
-        for name, chart in self._charts.items():
+        for name, chart in zip(self.charts, self._charts, strict=True):
             value = self._value(reading, name)
             if value is None:
                 continue
@@ -108,17 +105,6 @@ class ReadingAlarms:
             if alarm.any():
                 found.append(f"{type(chart).__name__} of {name}: {float(statistic[0, 0]):.3g}")
         return tuple(found)
-
-    def state(self) -> dict[str, Any]:
-        """Return all that `restore` needs."""
-        charts = [dict(chart.state()) for chart in self._charts.values()]
-        return {"input": self._input.state(), "charts": charts}
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue from a state."""
-        self._input.restore(state["input"])
-        for chart, held in zip(self._charts.values(), state["charts"], strict=True):
-            chart.restore(held)
 
     def _value(self, reading: Reading, name: str) -> float | None:
         if reading.features is None or name == _COST:
@@ -215,10 +201,13 @@ class StreamedModel:
         self.classifier = steps.pop() if hasattr(steps[-1], "predict_proba") else None
         self._transformers = steps[2:]
 
-    def reading(self, start: float, time: float, powers: NDArray[np.floating]) -> Reading:
+    def reading(
+        self, start: float, time: float, powers: NDArray[np.floating], quality: Quality
+    ) -> Reading:
         """Return what the model states of the spectra of an interval.
 
-        The alarms are its new spectral lines, if it has a classifier.
+        The alarms are what is far outside the training, and new spectral lines if there is a
+        classifier.
 
         Parameters
         ----------
@@ -226,6 +215,8 @@ class StreamedModel:
             The interval [s].
         powers : ndarray of shape (n_channels, [n_directions,] n_orders)
             As `SegmentPlan.spectra_of` returns them.
+        quality : Quality
+            Properties of the interval.
 
         Returns
         -------
@@ -235,27 +226,32 @@ class StreamedModel:
         with collected_statements() as new_lines:
             for transformer in self._transformers:
                 table = transformer.transform(table)
-        features = np.asarray(table)[0]
+        outside = outside_range(quality, self.resampler.training_range_, {})
+        texts = tuple(statement.text for statement in outside)
+        alarms = tuple(statement.text for statement in outside if statement.severe)
+        reading = Reading(start, time, np.asarray(table)[0], {}, None, {}, None, alarms, texts)
         final = self.classifier
         if final is None:
-            return Reading(start, time, features, {}, None, {}, None)
+            return reading
         probabilities, states = final.predict_proba(table), final.classes_
         if isinstance(final, LeastRiskMixin):
             probabilities, states = final.truth_proba(table, probabilities), final.truths_
-        posterior = _labelled(states, probabilities[0])
-        risk = _labelled(final.decisions_, final.risk(table)[0]) if hasattr(final, "risk") else {}
         typicality = None
         if hasattr(final, "typicality"):
             with suppress(ValueError):  # the model has no typicality
                 typicality = float(final.typicality(table)[0])
         (decision,) = np.asarray(final.predict(table)).tolist()
-        alarms = tuple(new_lines)
-        return Reading(start, time, features, posterior, decision, risk, typicality, alarms)
-
-    def outside_training(self, quality: StreamQuality) -> list[Statement]:
-        """State what of an interval is outside the range of the training recordings."""
-        resampler = self.resampler
-        return outside_range(quality.quality(resampler.channels_), resampler.training_range_, {})
+        return replace(
+            reading,
+            posterior=_labelled(states, probabilities[0]),
+            decision=decision,
+            risk=_labelled(final.decisions_, final.risk(table)[0])
+            if hasattr(final, "risk")
+            else {},
+            typicality=typicality,
+            alarms=(*alarms, *new_lines),
+            outside_training=texts or tuple(new_lines),
+        )
 
     def digest(self) -> str:
         """Return the digest of the parameters and the fitted values of all steps."""
