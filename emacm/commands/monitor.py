@@ -194,14 +194,14 @@ class _Stream:
                 raise ValueError("it is no state of this command.")
             if state["head"].tobytes() != self._head[: len(state["head"])]:
                 raise ValueError(f"it was written for another file than {self._options.source}.")
-            self._offset = int(state["offset"])
+            self._offset = state["offset"]
             if self._offset > os.path.getsize(self._options.source):
                 raise ValueError(f"{self._options.source} is shorter than it was.")
             self._monitor.restore(state["monitor"].tobytes())
         except ValueError as error:
             raise ValueError(f"{error} {remedy}") from error
         self._last = state["last"].tobytes()
-        self._resumed = float(state["resumed"]) if "resumed" in state else None
+        self._resumed = state["resumed"]
         self._rows = []
         file.seek(self._offset)
 

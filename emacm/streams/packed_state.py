@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from io import BytesIO
 from typing import Any, ClassVar
 
 import numpy as np
-
-_EMPTY = "{}"
 
 
 class Resumable:
@@ -40,7 +39,7 @@ def _continued(value: Any, state: Any) -> Any:
         value.restore(state)
         return value
     if isinstance(value, dict):
-        return {k: _continued(v, state[str(k)]) for k, v in value.items() if str(k) in state}
+        return {k: _continued(v, state[k]) for k, v in value.items() if k in state}
     if isinstance(value, list) and any(hasattr(item, "restore") for item in value):
         return [_continued(*pair) for pair in zip(value, state, strict=True)]
     return value._make(state) if hasattr(value, "_make") else state
@@ -52,8 +51,8 @@ def packed(state: dict[str, Any]) -> bytes:
     Parameters
     ----------
     state : dict
-        Arrays, numbers and texts, also in nested dictionaries, whose keys as texts have no "/",
-        lists, tuples, and objects that have such a `state`. Entries that are None are omitted.
+        Arrays, numbers, texts and None, objects that have such a `state`, and lists, tuples and
+        dictionaries of them, whose keys are texts or numbers.
 
     Returns
     -------
@@ -61,16 +60,24 @@ def packed(state: dict[str, Any]) -> bytes:
 
     Examples
     --------
-    >>> unpacked(packed({"values": [1.5, {"name": "current", "none": {}}]}))
-    {'values': [1.5, {'name': 'current', 'none': {}}]}
+    >>> unpacked(packed({"values": (1.5, {"name": "current", 2: np.arange(3)})}))
+    {'values': [1.5, {'name': 'current', '2': array([0, 1, 2])}]}
     """
-    stream = BytesIO()
-    np.savez(stream, **_flat(state, ""))
+    arrays: list[Any] = []
+
+    def stored(value: Any) -> Any:
+        if hasattr(value, "state"):
+            return value.state()
+        arrays.append(value)
+        return {"array": len(arrays) - 1}
+
+    text, stream = json.dumps(state, default=stored), BytesIO()
+    np.savez(stream, *arrays, text=text)
     return stream.getvalue()
 
 
 def unpacked(content: bytes) -> dict[str, Any]:
-    """Return the state whose bytes `packed` returned; lists for tuples.
+    """Return the state whose bytes `packed` returned; lists for tuples, and texts as keys.
 
     Raises
     ------
@@ -79,41 +86,13 @@ def unpacked(content: bytes) -> dict[str, Any]:
     """
     try:
         with np.load(BytesIO(content), allow_pickle=False) as file:
-            arrays = dict(file)
+
+            def restored(entry: dict[str, Any]) -> Any:
+                return file[f"arr_{entry['array']}"] if "array" in entry else entry
+
+            return json.loads(file["text"].item(), object_hook=restored)
     except Exception as error:  # zip, zlib and NumPy raise many kinds
         raise ValueError(
             f"state must be the bytes that OrderMonitor.state returned, and these cannot be read "
             f"({error}). Was the file written completely?"
         ) from error
-    tree: dict[str, Any] = {}
-    for path, value in arrays.items():
-        *parents, name = path.split("/")
-        branch = tree
-        for parent in parents:
-            branch = branch.setdefault(parent, {})
-        branch[name] = value
-    return _lists(tree)
-
-
-def _flat(value: Any, path: str) -> dict[str, Any]:
-    if value is None:
-        return {}
-    if hasattr(value, "state"):
-        value = value.state()
-    if isinstance(value, list | tuple):
-        value = {f"#{i}": item for i, item in enumerate(value)} or {"#": np.empty(0)}
-    if not isinstance(value, dict):
-        return {path: value}
-    flat: dict[str, Any] = {} if value else {f"{path}/{_EMPTY}": np.empty(0)}
-    for name, item in value.items():
-        flat |= _flat(item, f"{path}/{name}" if path else str(name))
-    return flat
-
-
-def _lists(tree: Any) -> Any:
-    if not isinstance(tree, dict):
-        return tree if tree.ndim else tree.item()
-    branches = {name: _lists(item) for name, item in tree.items() if name != _EMPTY}
-    if any(name.startswith("#") for name in branches):
-        return [branches[f"#{i}"] for i in range(len(branches)) if f"#{i}" in branches]
-    return branches

@@ -115,7 +115,7 @@ class GrowingStroke(Resumable):
         Its samples so far; the last one is a sample in which the shaft turns.
     start_angle : float
         Shaft angle at its start [rad].
-    powers : dict
+    powers : dict of str to object
         What is computed along it; empty if nothing is.
     complete : bool
         Whether it has ended.
@@ -128,7 +128,7 @@ class GrowingStroke(Resumable):
 
     stroke: Stroke
     start_angle: float
-    powers: dict[Any, Any]
+    powers: dict[str, Any]
     complete: bool = False
     slowest: float = np.inf
     fastest: float = 0.0
@@ -171,7 +171,7 @@ class ShaftStream(Resumable):
         fs: float,
         min_speed: float,
         max_rest: float | None,
-        new_powers: Callable[[int], dict[Any, Any]],
+        new_powers: Callable[[int], dict[str, Any]],
     ) -> None:
         self._is_angle, self.fs, self._min_speed = reference == "angle", fs, min_speed
         self._max_gap, self._new_powers = longest_gap(max_rest, fs), new_powers

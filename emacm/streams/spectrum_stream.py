@@ -126,8 +126,8 @@ class StrokePowers(SectionCutter, Resumable):
     ----------
     settings : Settings
         What the powers depend on.
-    fs : float
-        The sampling rate [Hz].
+    group : int
+        The channels, as a place in `Settings.groups`.
     factor : int
         How much denser the samples are made.
 
@@ -143,10 +143,10 @@ class StrokePowers(SectionCutter, Resumable):
 
     held = ("spreading", "rest", "total", "count")
 
-    def __init__(self, settings: Settings, fs: float, factor: int) -> None:
+    def __init__(self, settings: Settings, group: int, factor: int) -> None:
         super().__init__(settings.plan.n_per_segment, settings.plan.step)
-        self._plan = settings.plan
-        self.spreading = Spreading(fs, factor, settings.theta_s)
+        self._plan, self.group, self.factor = settings.plan, group, factor
+        self.spreading = Spreading([*settings.groups][group], factor, settings.theta_s)
         self.total: Any = 0.0
         self.count = 0
 
@@ -229,8 +229,8 @@ class SpectrumStream(Resumable):
             raise ValueError("a power exceeds the range of float64. State signals in other units.")
         return spectra if plan.by_direction else spectra[:, 0]
 
-    def _new_powers(self, direction: int) -> dict[tuple[int, int], StrokePowers]:
-        """Return the powers of a new stroke, by group and by how dense the samples are made.
+    def _new_powers(self, direction: int) -> dict[str, StrokePowers]:
+        """Return the powers of a new stroke, of each group and for each density of the samples.
 
         How dense they have to be depends on the highest speed of the whole stroke. As that is not
         known before its end, all densities that are still possible are processed.
@@ -240,7 +240,7 @@ class SpectrumStream(Resumable):
             return {}
         highest = settings.ratio * settings.max_speed * (1 + 1e-9)
         return {
-            (k, factor): StrokePowers(settings, fs, factor)
+            f"group {k}, factor {factor}": StrokePowers(settings, k, factor)
             for k, fs in enumerate(settings.groups)
             for factor in range(1, settings.upsampling(fs, highest) + 1)
         }
@@ -278,29 +278,26 @@ class SpectrumStream(Resumable):
                 f"{DESIGN.least_reversal:g} rad can be followed. Raise min_speed or set max_rest "
                 f"of OrderResampler, and reset."
             )
-        rates = list(settings.groups)
-        for k, factor in list(powers):
-            needed = settings.upsampling(rates[k], path.fastest)
-            if factor < needed or (complete and factor > needed):
-                del powers[k, factor]
-        if complete and not ended:
-            missing = [
-                self.signals[k].length < p.spreading.rows_needed(path)
-                for (k, _), p in powers.items()
-            ]
-            if any(missing):
-                return
-        for (k, _), each in powers.items():
-            each.advance(self.signals[k].series, path, complete=complete)
+        needed = [settings.upsampling(fs, path.fastest) for fs in settings.groups]
+        for name, each in list(powers.items()):
+            if each.factor < needed[each.group] or (complete and each.factor > needed[each.group]):
+                del powers[name]
+        waits = [
+            self.signals[p.group].length < p.spreading.rows_needed(path) for p in powers.values()
+        ]
+        if complete and not ended and any(waits):
+            return
+        for each in powers.values():
+            each.advance(self.signals[each.group].series, path, complete=complete)
         if complete:
             self._take_up(growing, path, kind)
 
     def _take_up(self, growing: GrowingStroke, path: ShaftPath, kind: int) -> None:
         """Add the powers and the speeds of a stroke that is complete."""
         settings, groups = self._settings, list(self._settings.groups.values())
-        for (k, _), powers in growing.powers.items():
-            self._sums[groups[k], kind] += powers.total
-            self._counts[groups[k], kind] += powers.count
+        for powers in growing.powers.values():
+            self._sums[groups[powers.group], kind] += powers.total
+            self._counts[groups[powers.group], kind] += powers.count
         growing.powers.clear()
         if path.length > 0:
             speeds = settings.ratio * growing.slowest, settings.ratio * growing.fastest

@@ -305,7 +305,7 @@ def test_a_long_rest_is_not_held_where_it_ends_the_stroke():
     for _ in range(40):
         monitor.push(still, velocity=np.full(1000, 0.01))
         sizes.append(len(monitor.state()))
-    assert sizes[-1] == sizes[5]
+    assert max(sizes[5:]) < 1.01 * sizes[5]
 
 
 # Readings
