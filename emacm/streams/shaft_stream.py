@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -105,11 +104,10 @@ class HeldSeries(LazySeries):
         return super().__getitem__(key)
 
 
-@dataclass
 class GrowingStroke(Resumable):
     """A stroke as far as it is known.
 
-    Attributes
+    Parameters
     ----------
     stroke : Stroke
         Its samples so far; the last one is a sample in which the shaft turns.
@@ -117,6 +115,9 @@ class GrowingStroke(Resumable):
         Shaft angle at its start [rad].
     powers : dict of str to object
         What is computed along it; empty if nothing is.
+
+    Attributes
+    ----------
     complete : bool
         Whether it has ended.
     slowest, fastest : float
@@ -126,15 +127,11 @@ class GrowingStroke(Resumable):
         the shaft turned back [rad]; 0 for a velocity that never changes its sign.
     """
 
-    stroke: Stroke
-    start_angle: float
-    powers: dict[str, Any]
-    complete: bool = False
-    slowest: float = np.inf
-    fastest: float = 0.0
-    largest_step: float = 0.0
-    farthest: float = 0.0
-    reversal: float = 0.0
+    def __init__(self, stroke: Stroke, start_angle: float, powers: dict[str, Any]) -> None:
+        self.stroke, self.start_angle, self.powers = stroke, start_angle, powers
+        self.complete = False
+        self.slowest, self.fastest = np.inf, 0.0
+        self.largest_step = self.farthest = self.reversal = 0.0
 
 
 class ShaftStream(Resumable):
