@@ -28,7 +28,6 @@ def chapter3_recording(
     supply_amplitude: float = 0.1,
     defect_amplitude: float = 0.1,
     defect_orders: Mapping[str, float | None] = CHAPTER3_ORDERS,
-    reference: str = "velocity",
 ) -> Recording:
     """Simulate one run of the simulated motor current of the thesis [1]_.
 
@@ -61,14 +60,13 @@ def chapter3_recording(
         Amplitude of a defect [A].
     defect_orders : mapping of str to float or None
         Labels and the orders of their defects; None for no defect.
-    reference : {"velocity", "angle"}
-        Shaft reference of the recording.
 
     Returns
     -------
     Recording
-        Channel "current" [A]; `meta` contains label, run, severity (`defect_amplitude` relative
-        to the published 0.1 A; 0 without defect) and orders, the true order of each fault.
+        Channel "current" [A], and the speed of the shaft; `meta` contains label, run, severity
+        (`defect_amplitude` relative to the published 0.1 A; 0 without defect) and orders, the true
+        order of each fault.
 
     Raises
     ------
@@ -85,7 +83,6 @@ def chapter3_recording(
     {'defect 1': (3.125,)}
     """
     check_choice(label, "label", tuple(defect_orders))
-    check_choice(reference, "reference", ("velocity", "angle"))
     check_count(run, "run", at_least=0)
     sigma = check_number(sigma, "sigma", at_least=0, unit="A")
     fs = check_number(fs, "fs", above=0, unit="Hz")
@@ -109,8 +106,7 @@ def chapter3_recording(
         "severity": 0.0 if order is None else defect_amplitude / 0.1,
         "orders": {} if order is None else {label: (order,)},
     }
-    shaft = {"velocity": velocity} if reference == "velocity" else {"angle": angle}
-    return Recording({"current": current}, fs, **shaft, meta=meta)
+    return Recording({"current": current}, fs, velocity=velocity, meta=meta)
 
 
 def chapter3_recordings(

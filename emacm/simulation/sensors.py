@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 from scipy import signal as filters
 from scipy.constants import arcminute
@@ -102,16 +100,9 @@ def measured(
 
 def _low_pass(values: Array, order: int, cutoff: float, fs: float) -> Array:
     """Apply a Butterworth filter that starts at rest."""
-    sos, at_rest = _butterworth(order, cutoff, fs)
-    passed, _ = filters.sosfilt(sos, values, zi=at_rest * values[0])
-    return passed
-
-
-@cache
-def _butterworth(order: int, cutoff: float, fs: float) -> tuple[Array, Array]:
-    """Return the sections of a low pass, and their state for a constant input of 1."""
     sos = filters.butter(order, cutoff, fs=fs, output="sos")
-    return sos, filters.sosfilt_zi(sos)
+    passed, _ = filters.sosfilt(sos, values, zi=filters.sosfilt_zi(sos) * values[0])
+    return passed
 
 
 def resolver_error(

@@ -20,12 +20,12 @@ def test_every_constant_is_a_parameter():
         supply_amplitude=0.2,
         defect_amplitude=0.3,
         defect_orders={"worn": 7.5},
-        reference="angle",
     )
     times = np.arange(1000) / 1000
     theta = 30 * times - 30 / (TURN * 2) * np.cos(TURN * 2 * times)
     current = 5 * np.sin(6 * theta) + 0.2 * np.sin(TURN * 100 * times) + 0.3 * np.sin(7.5 * theta)
-    assert np.abs(run.angle - theta).max() < 1e-12
+    speed = 30 * (1 + np.sin(TURN * 2 * times))
+    assert np.abs(run.velocity - speed).max() < 1e-12
     assert np.abs(run.signals["current"] - current).max() < 1e-12
     assert run.meta["severity"] == pytest.approx(3)
 
@@ -68,7 +68,6 @@ def test_a_run_is_the_same_however_it_was_asked_for():
         ({"sigma": -1}, "sigma must be a number of A, .* got -1"),
         ({"fs": 0}, "fs must be a number of Hz, .* got 0"),
         ({"duration": 0}, "duration must be a number of s, .* got 0"),
-        ({"reference": "tacho"}, "reference must be one of 'velocity', 'angle'"),
     ],
 )
 def test_a_wrong_parameter_is_named(arguments, message):
