@@ -10,7 +10,6 @@ resampled over the shaft angle, in which the repetition rate is constant.
 from __future__ import annotations
 
 import warnings
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -108,7 +107,6 @@ def filter_length(low: float, high: float, fs: float) -> int:
     return 2 * int(np.ceil(n_taps / 2)) + 1
 
 
-@lru_cache(maxsize=32)
 def analytic_filter(low: float, high: float, fs: float) -> NDArray[np.complexfloating]:
     """Return the taps of a filter that makes the analytic signal of a band.
 
@@ -128,7 +126,7 @@ def analytic_filter(low: float, high: float, fs: float) -> NDArray[np.complexflo
     Returns
     -------
     ndarray of shape (n_taps,), complex
-        Read-only; `n_taps` is that of `filter_length`.
+        `n_taps` is that of `filter_length`.
 
     References
     ----------
@@ -148,7 +146,6 @@ def analytic_filter(low: float, high: float, fs: float) -> NDArray[np.complexflo
     carrier = np.exp(1j * np.pi * (low + high) / fs * times)
     taps = 2 * width * np.sinc(width * times) * window * carrier
     taps -= window * (taps.sum() / window.sum())  # of a large offset, 80 dB down were too much
-    taps.flags.writeable = False
     return taps
 
 

@@ -113,7 +113,9 @@ def kurtogram(signal: ArrayLike | Series, fs: float, *, levels: int | None = Non
             f"the signal has {len(values)} samples; a kurtogram needs at least "
             f"{(fewest + 2 * n_taps) * 4}, or fewer levels. Give a longer recording or a band."
         )
-    found = [_kurtosis(values, n, n_taps) for n in halves]
+    # Bands of width fs / n, at multiples of half of it from one.
+    taps = {n: scipy.signal.firwin(n_taps * n, 0.5, fs=n) for n in halves}
+    found = [_kurtosis(values, taps[n], n // 2, 2 * n, slice(2, -2)) for n in halves]
     centres = tuple(fs / n * (np.arange(len(found[k])) / 2 + 1) for k, n in enumerate(halves))
     return Kurtogram(tuple(fs / n for n in halves), centres, tuple(found))
 
@@ -166,46 +168,30 @@ def spectral_kurtosis(
             f"Lower n_per_segment."
         )
     window = scipy.signal.get_window("hann", n_per_segment)
-    frames = np.lib.stride_tricks.sliding_window_view(values, n_per_segment)
-    moments = np.zeros((2, n_per_segment // 2 + 1))
-    frames = frames[:: n_per_segment // 4]
-    at_once = max(1, BLOCK // n_per_segment)
-    for first in range(0, len(frames), at_once):
-        lines = scipy.fft.rfft(frames[first : first + at_once] * window)
-        moments += _moments(lines)
-    frequencies = np.arange(len(moments[0])) * fs / n_per_segment
     inner = slice(1, -(-n_per_segment // 2))
-    return frequencies[inner], _ratio(moments[:, inner], len(frames))
+    frequencies = np.arange(inner.stop) * fs / n_per_segment
+    return frequencies[1:], _kurtosis(values, window, n_per_segment // 4, n_per_segment, inner)
 
 
-def _kurtosis(signal: Any, n_bands: int, n_taps: int) -> Array:
-    """Return the kurtosis of bands of width fs / n_bands, at multiples of half of it from one."""
-    hop = n_bands // 2
-    taps = scipy.signal.firwin(n_taps * n_bands, 0.5, fs=n_bands)
-    n_frames = 1 + (len(signal) - len(taps)) // hop
-    moments = np.zeros((2, n_bands + 1))
+def _kurtosis(signal: Any, window: Array, hop: int, n_folded: int, inner: slice) -> Array:
+    """Return mean(|Y|^4) / mean(|Y|^2)^2 - 2 of some Fourier coefficients Y of windowed frames.
+
+    A frame begins every `hop` samples, and is folded to `n_folded` samples.
+    """
+    n_frames = 1 + (len(signal) - len(window)) // hop
+    moments = np.zeros((2, n_folded // 2 + 1))
     at_once = max(1, BLOCK // hop)
     for first in range(0, n_frames, at_once):
         last = min(first + at_once, n_frames)
-        part = np.asarray(signal[first * hop : (last - 1) * hop + len(taps)], np.float64)
-        frames = np.lib.stride_tricks.sliding_window_view(part, len(taps))[::hop] * taps
-        folded = frames.reshape(last - first, -1, 2 * n_bands).sum(axis=1)
-        moments += _moments(scipy.fft.rfft(folded))
-    return _ratio(moments[:, 2:-2], n_frames)
-
-
-def _moments(lines: NDArray[np.complexfloating]) -> Array:
-    """Return the sums of the second and the fourth power of the magnitudes over the frames."""
-    power = lines.real**2 + lines.imag**2
-    return np.stack([power.sum(axis=0), (power**2).sum(axis=0)])
-
-
-def _ratio(moments: Array, count: int) -> Array:
-    """Return mean(|Y|^4) / mean(|Y|^2)^2 - 2."""
-    second, fourth = moments
+        part = np.asarray(signal[first * hop : (last - 1) * hop + len(window)], np.float64)
+        frames = np.lib.stride_tricks.sliding_window_view(part, len(window))[::hop] * window
+        lines = scipy.fft.rfft(frames.reshape(last - first, -1, n_folded).sum(axis=1))
+        power = lines.real**2 + lines.imag**2
+        moments += np.stack([power.sum(axis=0), (power**2).sum(axis=0)])
+    second, fourth = moments[:, inner]
     if not second.all():
         raise ValueError(
             "the signal has no power at some frequencies, so its kurtosis is not defined. Leave "
             "the channel out, or give a band."
         )
-    return count * fourth / second**2 - 2
+    return n_frames * fourth / second**2 - 2

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -215,12 +215,9 @@ def whiten(
     return white.reshape(segments.shape)
 
 
-@lru_cache(maxsize=8)
 def _rise(fade: int, dtype: np.dtype[Any]) -> NDArray[np.floating]:
     """Return the taper before and after whitening: squares of two that overlap add up to one."""
-    rise = np.sin(np.pi / 2 * (np.arange(fade) + 0.5) / max(fade, 1)).astype(dtype)
-    rise.flags.writeable = False
-    return rise
+    return np.sin(np.pi / 2 * (np.arange(fade) + 0.5) / max(fade, 1)).astype(dtype)
 
 
 class CepstralPrewhitening(  # type: ignore[call-arg]

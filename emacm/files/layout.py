@@ -7,7 +7,6 @@ import re
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from functools import lru_cache
 from math import isfinite
 from numbers import Real
 from pathlib import Path, PurePath
@@ -303,7 +302,6 @@ def meta_from_name(path: PurePath, pattern: str) -> dict[str, Any]:
     return {field: kinds[field](text) for field, text in longest.groupdict().items()}
 
 
-@lru_cache(maxsize=64)
 def _compiled_pattern(
     pattern: str,
 ) -> tuple[re.Pattern[str], re.Pattern[str], dict[str, Callable[[str], Any]]]:
