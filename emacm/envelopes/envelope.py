@@ -23,9 +23,6 @@ from emacm.shaft.motion import BLOCK, Series
 
 Band = tuple[float, float]
 
-_STOP = 80.0  # dB, by which the filter has fallen outside of its transitions
-_TRANSITION = 0.25  # of the band: width of a transition, half of it on either side of an edge
-
 
 def check_band(band: Any, fs: float | None = None, name: str = "band") -> Band:
     """Return a band as two frequencies, after checking it against the Nyquist frequency.
@@ -82,8 +79,8 @@ def check_bands(band: Any, name: str = "band") -> Any:
     return bands
 
 
-def filter_length(low: float, high: float, fs: float) -> int:
-    """Return the number of taps of the filter of a band, an odd number.
+def kaiser_order(low: float, high: float, fs: float, *, stop: float = 80.0) -> tuple[int, float]:
+    """Return the number of taps, an odd number, and the shape of the window of a filter.
 
     Parameters
     ----------
@@ -91,20 +88,23 @@ def filter_length(low: float, high: float, fs: float) -> int:
         Edges of the band [Hz].
     fs : float
         Sampling rate [Hz].
+    stop : float
+        Attenuation outside of the band and its transitions [dB].
 
     Returns
     -------
-    int
+    n_taps : int
+    beta : float
+        Shape parameter of the Kaiser window.
 
     Examples
     --------
-    >>> filter_length(2000.0, 6000.0, 48_000.0)
+    >>> kaiser_order(2000.0, 6000.0, 48_000.0)[0]
     243
     """
-    transition = min(_TRANSITION * (high - low), 2 * low, fs - 2 * high)
-    # Kaiser's estimate, Eq. (7.76) of Oppenheim and Schafer.
-    n_taps = (_STOP - 7.95) / (2.285 * 2 * np.pi) * fs / transition
-    return 2 * int(np.ceil(n_taps / 2)) + 1
+    half = min((high - low) / 8, low, fs / 2 - high)  # of a transition, on either side of an edge
+    n_taps, beta = scipy.signal.kaiserord(stop, 4 * half / fs)
+    return n_taps | 1, beta
 
 
 def analytic_filter(low: float, high: float, fs: float) -> NDArray[np.complexfloating]:
@@ -126,7 +126,7 @@ def analytic_filter(low: float, high: float, fs: float) -> NDArray[np.complexflo
     Returns
     -------
     ndarray of shape (n_taps,), complex
-        `n_taps` is that of `filter_length`.
+        `n_taps` is that of `kaiser_order`.
 
     References
     ----------
@@ -139,9 +139,9 @@ def analytic_filter(low: float, high: float, fs: float) -> NDArray[np.complexflo
     >>> bool(abs(taps.sum()) < 1e-12)
     True
     """
-    half = filter_length(low, high, fs) // 2
-    times = np.arange(-half, half + 1)
-    window = scipy.signal.get_window(("kaiser", 0.1102 * (_STOP - 8.7)), len(times), fftbins=False)
+    n_taps, beta = kaiser_order(low, high, fs)
+    times = np.arange(n_taps) - n_taps // 2
+    window = scipy.signal.get_window(("kaiser", beta), n_taps, fftbins=False)
     width = (high - low) / fs
     carrier = np.exp(1j * np.pi * (low + high) / fs * times)
     taps = 2 * width * np.sinc(width * times) * window * carrier
@@ -183,7 +183,7 @@ class EnvelopeSeries(ComputedSeries):
     def __init__(self, signal: Series, fs: float, band: Band, *, squared: bool = True) -> None:
         super().__init__(signal)
         low, high = check_band(band, fs)
-        n_taps = filter_length(low, high, fs)
+        n_taps, _ = kaiser_order(low, high, fs)
         if n_taps > len(signal):
             raise ValueError(
                 f"the band {low:g} to {high:g} Hz needs a filter of {n_taps / fs:.3g} s, but the "
@@ -304,14 +304,14 @@ def band_at(band: Any, fs: float) -> Band:
 
 def warn_of_long_filter(low: float, high: float, fs: float, *, excessive: float = 5.0) -> None:
     """Warn if an edge near 0 or half the sampling rate makes the filter so many times as long."""
-    usual = _TRANSITION * (high - low)
-    times = usual / min(usual, 2 * low, fs - 2 * high)
+    usual = (high - low) / 8  # distance from 0 and half the sampling rate
+    times = usual / min(usual, low, fs / 2 - high)
     if times > excessive:
         warnings.warn(
             f"the band {low:g} to {high:g} Hz is so near to 0 or half the sampling rate that its "
-            f"filter lasts {filter_length(low, high, fs) / fs:.3g} s, {times:.3g} times as long as "
-            f"its width requires; impacts are smeared by as much. Keep it within {usual / 2:.3g} "
-            f"and {fs / 2 - usual / 2:.6g} Hz.",
+            f"filter lasts {kaiser_order(low, high, fs)[0] / fs:.3g} s, {times:.3g} times as long "
+            f"as its width requires; impacts are smeared by as much. Keep it within {usual:.3g} and "
+            f"{fs / 2 - usual:.6g} Hz.",
             UserWarning,
             stacklevel=2,
         )

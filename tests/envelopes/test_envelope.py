@@ -23,7 +23,7 @@ from emacm.envelopes.envelope import (
     EnvelopeSeries,
     analytic_filter,
     envelope,
-    filter_length,
+    kaiser_order,
 )
 from emacm.simulation.bench import LaboratoryBench
 from emacm.simulation.faults import FAULT_ORDERS
@@ -32,7 +32,7 @@ TURN = 2 * np.pi
 FS = 10_000.0
 TIMES = np.arange(20_000) / FS
 BAND = (1500.0, 2500.0)
-REACH = filter_length(*BAND, FS) // 2
+REACH = kaiser_order(*BAND, FS)[0] // 2
 INNER = slice(REACH, -REACH)
 
 

@@ -235,16 +235,9 @@ def test_a_folder_is_the_X_of_a_search(folder):
     )
 
 
-@pytest.mark.parametrize(
-    ("pattern", "error", "message"),
-    [
-        ("*.mat", ValueError, r"no file in .* matches '\*.mat'"),
-        ("*/x", ValueError, "no file in"),
-    ],
-)
-def test_a_folder_without_files_is_an_error(folder, pattern, error, message):
-    with pytest.raises(error, match=message):
-        RecordingFolder(folder.folder, LAYOUT, pattern)
+def test_a_folder_without_files_is_an_error(folder):
+    with pytest.raises(ValueError, match=r"no file in .* matches '\*.mat'"):
+        RecordingFolder(folder.folder, LAYOUT, "*.mat")
     with pytest.raises(FileNotFoundError, match="there is no folder"):
         RecordingFolder(folder.folder / "none", LAYOUT)
 
