@@ -310,8 +310,8 @@ def warn_of_long_filter(low: float, high: float, fs: float, *, excessive: float 
         warnings.warn(
             f"the band {low:g} to {high:g} Hz is so near to 0 or half the sampling rate that its "
             f"filter lasts {kaiser_order(low, high, fs)[0] / fs:.3g} s, {times:.3g} times as long "
-            f"as its width requires; impacts are smeared by as much. Keep it within {usual:.3g} and "
-            f"{fs / 2 - usual:.6g} Hz.",
+            f"as its width requires; impacts are smeared by as much. Keep it within {usual:.3g} "
+            f"and {fs / 2 - usual:.6g} Hz.",
             UserWarning,
             stacklevel=2,
         )
