@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage, sparse
 
 from emacm._checks import check_number, group_codes
-from emacm.orders.bins import Band, bin_operator, check_stop_bands, named_bins
+from emacm.orders.bins import Band, bin_operator, named_bins
 from emacm.orders.columns import (
     BARE_CHANNEL,
     BinPowers,
@@ -141,12 +140,11 @@ class BinTransformer(OrderTableTransformer):
         psd = self._checked_table(X, reset=True)
         blocks = self._blocks(column_names(X))
         bins = named_bins(self.bin_size, self.max_order, self.edges, self.stop_bands)
-        stops = check_stop_bands(self.stop_bands)
         self.bins_ = tuple(bins.values())
-        axes = tuple(block.orders.tobytes() for block in blocks)
-        operator, used = _operator(axes, self.bins_, tuple(stops))
-        self.operator_ = operator.copy()
-        self._columns_out = _columns(tuple(block.channel for block in blocks), tuple(bins))
+        operators = (bin_operator(b.orders, self.bins_, stop_bands=self.stop_bands) for b in blocks)
+        self.operator_ = sparse.block_diag([*map(sparse.csr_array, operators)], format="csr")
+        self._columns_out = tuple(f"{block.channel}@{name}" for block in blocks for name in bins)
+        used = np.asarray(self.operator_.sum(axis=0)).ravel() > 0
         known = learn_lines(psd, blocks, used, groups)
         self.line_maxima_, self.new_line_limits_, self._largest_lines = known
         return self
@@ -238,24 +236,6 @@ class BinTransformer(OrderTableTransformer):
                     f"orders lie {other:g} apart. Leave order_step out."
                 )
         return blocks
-
-
-@lru_cache(maxsize=64)
-def _operator(
-    axes: tuple[bytes, ...], bins: tuple[Band, ...], stops: tuple[Band, ...]
-) -> tuple[sparse.csr_array, NDArray[np.bool_]]:
-    """Make the operator of all channels, which the folds of a search copy; tell used lines."""
-    operators = {
-        orders: sparse.csr_array(bin_operator(np.frombuffer(orders), bins, stop_bands=stops))
-        for orders in dict.fromkeys(axes)
-    }
-    operator = sparse.block_diag([operators[orders] for orders in axes], format="csr")
-    return operator, np.asarray(operator.sum(axis=0)).ravel() > 0
-
-
-@lru_cache(maxsize=64)
-def _columns(channels: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(f"{channel}@{name}" for channel in channels for name in names)
 
 
 @dataclass(frozen=True)

@@ -220,15 +220,11 @@ def bin_operator(
         _check_band(band, f"bin {number}")
     stops = check_stop_bands(stop_bands)
     _check_range(orders, bins)
-    parts = [(k, *part) for k, band in enumerate(bins) for part in kept_intervals(band, stops)]
     operator = np.zeros((len(bins), len(orders)))
-    at_once = max(1, (1 << 20) // len(orders))  # about a million weights at a time
-    for start in range(0, len(parts), at_once):
-        part = np.array(parts[start : start + at_once])
-        weights = _weights_below(orders, part[:, 2]) - _weights_below(orders, part[:, 1])
-        # A stop band may divide a bin.
-        numbers, first = np.unique(part[:, 0].astype(np.intp), return_index=True)
-        operator[numbers] += np.add.reduceat(weights, first)
+    for weights, band in zip(operator, bins, strict=True):
+        for part in kept_intervals(band, stops):  # a stop band may divide a bin
+            below, up_to = _weights_below(orders, np.array(part))
+            weights += up_to - below
     return operator
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -429,17 +428,29 @@ def window_values(window: Any, length: int) -> NDArray[np.floating]:
     TypeError, ValueError
         If the window is unknown, has another length, or its samples sum to 0.
     """
-    if isinstance(window, str):
-        return _cached_window(window, length)
-    if isinstance(window, tuple):  # it may hold values that cannot be hashed
-        return _named_window(window, length)
-    values = check_real_array(window, "window")
-    if values.shape != (length,):
+    if isinstance(window, str | tuple):
+        try:
+            values = scipy.signal.get_window(window, length)
+        except (ValueError, TypeError, IndexError, AttributeError, OverflowError) as error:
+            raise ValueError(
+                f"window must be an argument of scipy.signal.get_window, such as 'hann' or "
+                f"('kaiser', 8.0); got {window!r}: {error}"
+            ) from error
+    else:
+        values = check_real_array(window, "window")
+        if values.shape != (length,):
+            raise ValueError(
+                f"a window given as an array must have the {length} samples of a segment, "
+                f"got shape {values.shape}. Name it instead, or set n_per_segment."
+            )
+    values = values.astype(np.float64)
+    if not np.isfinite(values).all() or np.sum(values) == 0:
+        named = window if isinstance(window, str | tuple) else "an array"
         raise ValueError(
-            f"a window given as an array must have the {length} samples of a segment, "
-            f"got shape {values.shape}. Name it instead, or set n_per_segment."
+            f"window must be finite and must not sum to 0, but the samples of {named!r} are not "
+            f"finite or sum to 0. Choose another window."
         )
-    return _checked(values.astype(np.float64), "an array")
+    return values
 
 
 def detrended(segments: NDArray[np.floating], detrend: Any) -> NDArray[np.floating]:
@@ -458,27 +469,3 @@ def detrended(segments: NDArray[np.floating], detrend: Any) -> NDArray[np.floati
     if detrend == "constant":
         return segments - segments.mean(axis=-1, keepdims=True)
     return scipy.signal.detrend(segments, axis=-1, type="linear") if detrend else segments
-
-
-def _named_window(window: Any, length: int) -> NDArray[np.floating]:
-    try:
-        values = np.asarray(scipy.signal.get_window(window, length), dtype=np.float64)
-    except (ValueError, TypeError, IndexError, AttributeError, OverflowError) as error:
-        raise ValueError(
-            f"window must be an argument of scipy.signal.get_window, such as 'hann' or "
-            f"('kaiser', 8.0); got {window!r}: {error}"
-        ) from error
-    _checked(values, window).flags.writeable = False
-    return values
-
-
-_cached_window = lru_cache(maxsize=32)(_named_window)
-
-
-def _checked(values: NDArray[np.floating], name: Any) -> NDArray[np.floating]:
-    if not np.all(np.isfinite(values)) or np.sum(values) == 0:
-        raise ValueError(
-            f"window must be finite and must not sum to 0, but the samples of {name!r} are not "
-            f"finite or sum to 0. Choose another window."
-        )
-    return values

@@ -58,8 +58,8 @@ class Evidence(NamedTuple):
         Logarithms of likelihood ratios to "no lines".
     rates : ndarray of shape (n_frames, n_speeds)
         The most likely relative rate of change of each speed [1/s].
-    duration, hop : float
-        Of the frames [s].
+    duration : float
+        Of the frames, which overlap by half [s].
     fastest : float
         Largest relative rate of change that is considered [1/s].
     """
@@ -69,7 +69,6 @@ class Evidence(NamedTuple):
     ratios: Array
     rates: Array
     duration: float
-    hop: float
     fastest: float
 
 
@@ -186,8 +185,7 @@ def measure(
     chosen = ratios.argmax(axis=1)
     times = (starts + n_frame / 2) / white.fs
     likely = ratios.max(axis=1).astype(np.float64) - np.log(n_rates)
-    hop = n_frame // 2 / white.fs
-    return Evidence(times, grid, likely, rates[chosen], duration, hop, float(rates[-1]))
+    return Evidence(times, grid, likely, rates[chosen], duration, float(rates[-1]))
 
 
 def _mains_lines(flat: NDArray[np.complex128], spacing: float, length: float) -> Array:

@@ -250,7 +250,7 @@ def _course(
 def _most_likely_path(evidence: Evidence, scores: Array) -> NDArray[np.intp]:
     """Return the indices of the speeds with the most evidence and bounded steps (Viterbi)."""
     step = evidence.speeds[1] - evidence.speeds[0]
-    reach = int(np.ceil(evidence.fastest * evidence.hop * evidence.speeds[-1] / step)) + 1
+    reach = int(np.ceil(evidence.fastest * evidence.duration / 2 * evidence.speeds[-1] / step)) + 1
     totals = [scores[0]]
     for ratios in scores[1:]:
         before = ndimage.maximum_filter1d(totals[-1], 2 * reach + 1, mode="constant", cval=-np.inf)
