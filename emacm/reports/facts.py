@@ -14,6 +14,7 @@ import sklearn
 
 from emacm._version import __version__
 from emacm.decisions.pipelines import final_estimator, fitted_resamplers
+from emacm.models.model_files import describe_model
 from emacm.recordings.recording import Recording
 
 _CERTAIN = 0.99  # beyond it, no probability of a model is known more exactly
@@ -188,17 +189,15 @@ def recording_facts(recording: Recording, name: str) -> Facts:
     ]
 
 
-def model_facts(model: Any, about: Mapping[str, Any] | None, path: Path | None) -> Facts:
+def model_facts(model: Any, path: Path | None = None) -> Facts:
     """Return note, file, digest, classes, training ranges and versions of a model.
 
     Parameters
     ----------
     model : estimator
         Fitted.
-    about : mapping, optional
-        Of `describe_model`, if the model was read from a file.
     path : Path, optional
-        That file.
+        The file from which it was read.
 
     Returns
     -------
@@ -206,8 +205,8 @@ def model_facts(model: Any, about: Mapping[str, Any] | None, path: Path | None) 
     """
     facts = [("Model", type(model).__name__ + ", in memory: not saved to a file")]
     saved: Mapping[str, str] = {}
-    if about is not None and path is not None:
-        digest = sha256(path.read_bytes()).hexdigest()[:_DIGITS]
+    if path is not None:
+        about, digest = describe_model(path), sha256(path.read_bytes()).hexdigest()[:_DIGITS]
         facts = [("Model", f"{path.name}, saved {about['saved']}"), ("Digest", digest)]
         facts += [("Note", str(about["note"]))] if about["note"] else []
         saved = about["versions"]

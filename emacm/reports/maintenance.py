@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import os
+from base64 import b64encode
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from io import BytesIO
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from emacm.machine.fault_lines import fault_series
-from emacm.models.model_files import describe_model, load_model
+from emacm.models.model_files import load_model
 from emacm.models.scoring import check_model
 from emacm.recordings.inputs import as_list
 from emacm.recordings.meta import read_meta
-from emacm.reports.facts import decisions_of, healthy_label, when
+from emacm.reports.facts import decisions_of, healthy_label, model_facts, when
 from emacm.reports.pages import Page, Settings, page_of
-from emacm.reports.pictures import Picture
+from emacm.reports.pictures import drawn
 
 
 def templates() -> Any:
@@ -158,7 +161,15 @@ class Reports:
     def __init__(self, settings: Settings, path: str | os.PathLike[str]) -> None:
         templates()  # a missing jinja2 is stated before hours of work
         self._settings = settings
-        self._target, self._is_file = _target(path)
+        self._target = target = Path(path)
+        self._is_file = target.suffix == ".html" and not target.is_dir()
+        if target.suffix == ".pdf" or (target.is_file() and not self._is_file):
+            raise ValueError(
+                f"path must end with .html, or be a folder; got {str(path)!r}. For a PDF file, "
+                f"print the HTML page from a browser."
+            )
+        if not self._is_file:
+            target.mkdir(parents=True, exist_ok=True)
 
     def pages(
         self,
@@ -194,19 +205,24 @@ class Reports:
             Pages in the folder that are only listed in the index.
         """
         if self._is_file:
-            return [_write(self._target, "maintenance", pages=_with_pictures(pages))]
+            return [_write(self._target, "maintenance", pages=map(_with_picture, pages))]
         listed = [*before, *pages]
         names = [f"{stem}.html" for stem in file_stems([page.name for page in listed])]
         files = [
-            _write(self._target / name, "maintenance", pages=_with_pictures([page]))
+            _write(self._target / name, "maintenance", pages=[_with_picture(page)])
             for page, name in zip(pages, names[len(before) :], strict=True)
         ]
         entries = list(zip(listed, names, strict=True))
         return [*files, _write(self._target / "index.html", "index", entries=entries)]
 
 
-def _with_pictures(pages: Sequence[Page]) -> list[tuple[Page, Picture]]:
-    return [(page, Picture(page)) for page in pages]
+def _with_picture(page: Page) -> tuple[Page, str, str]:
+    """Return a page, its picture as SVG in base64, and what it shows; empty if there is none."""
+    figure, description = drawn(page)
+    buffer = BytesIO()
+    if figure is not None:
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    return page, b64encode(buffer.getvalue()).decode(), description
 
 
 def _write(file: Path, template: str, **content: Any) -> Path:
@@ -220,15 +236,15 @@ def read_settings(
     model: Any, actions: Any = None, parts: Any = None, healthy: Any = None, background: Any = None
 ) -> Settings:
     """Check and return what is the same for all pages, see `maintenance_report`."""
-    about, file = None, None
+    file = None
     if isinstance(model, str | os.PathLike):
-        file = Path(model)
-        about, model = describe_model(file), load_model(file)
+        file, model = Path(model), load_model(model)
     classes = check_model(model)
     healthy = healthy_label(classes, healthy, "healthy", required=False)
     if parts is not None:
         fault_series(parts, 1)  # raises if one is invalid
-    return Settings(model, about, file, _actions(actions, model), parts, healthy, background)
+    facts = model_facts(model, file)
+    return Settings(model, facts, _actions(actions, model), parts, healthy, background)
 
 
 def _actions(actions: Any, model: Any) -> dict[str, str] | None:
@@ -260,42 +276,80 @@ def add_since(
     pages : sequence of Page
         The pages.
     history : DataFrame, optional
-        Earlier results.
+        Earlier results, as `score` returns them, with "unit" and "time" added.
     units, times : list, optional
-        Of the pages.
+        Of the pages. Without times, the pages are later than the history, which is in order.
     counter : str
-        Name of times that are numbers.
+        Name of times that are numbers, such as "cycle".
+
+    Raises
+    ------
+    ValueError
+        If the history is not a table, a column is missing, or a time is invalid.
     """
     if history is None and (units is None or times is None):
         return
-    has_time = times is not None
-    known = check_history(history, units is not None, has_time)
-    decided = pd.DataFrame({"decision": [page.decision for page in pages]}, dtype=object)
-    decided["unit"], decided["time"] = units, times
-    if has_time:
-        both = as_times([*known["time"], *decided["time"]])
-        known["time"], decided["time"] = both[: len(known)], both[len(known) :]
-        is_decided = [page.kind != "error" for page in pages]
-        rows = known.to_dict("records") + decided[is_decided].to_dict("records")
-        known = pd.DataFrame(rows, columns=decided.columns)
-    for page, (_, unit, time) in zip(pages, decided.itertuples(index=False), strict=True):
-        if page.kind != "error":
-            own = known if units is None else known[known["unit"].astype(str) == str(unit)]
-            page.since = since(page.decision, time if has_time else None, own, counter)
+    earlier = _checked_history(history, units is not None, times is not None)
+    made = ["" if page.kind == "error" else page.decision for page in pages]
+    columns = {"decision": made, "unit": units or "", "time": times or len(earlier)}
+    results = pd.concat([earlier, pd.DataFrame(columns, dtype=object)], ignore_index=True)
+    results["time"] = _as_times(results["time"].tolist())
+    results = results.astype({"decision": str, "unit": str})
+    for page, own in zip(pages, results[len(earlier) :].itertuples(), strict=True):
+        before = (results["unit"] == own.unit) & (results["time"] < own.time)
+        before = results[before & (results["decision"] != "")].sort_values("time", kind="stable")
+        if own.decision:
+            page.since = _since(own.decision, before, None if times is None else counter)
 
 
-def _target(path: str | os.PathLike[str]) -> tuple[Path, bool]:
-    """Return a file or folder, and whether it is a file."""
-    target = Path(path)
-    if target.suffix == ".html" and not target.is_dir():
-        return target, True
-    if target.is_file() or (target.suffix == ".pdf" and not target.is_dir()):
+def _checked_history(history: Any, has_unit: bool, has_time: bool) -> pd.DataFrame:
+    """Return decision, unit and time of earlier results; without times, their number."""
+    columns = ["decision", *["unit"] * has_unit, *["time"] * has_time]
+    history = pd.DataFrame(columns=columns) if history is None else history
+    found = list(getattr(history, "columns", ()))
+    for name in columns:
+        if name not in found:
+            raise ValueError(
+                f"history must be a table of earlier results, as from score, with the columns "
+                f"{columns} as far as the new recordings have them; it has no {name!r} in {found}."
+            )
+    known = history[columns].reset_index(drop=True)
+    known["decision"] = known["decision"].astype(object).where(known["decision"].notna(), "")
+    return pd.DataFrame({"unit": "", "time": known.index}, dtype=object).assign(**known)
+
+
+def _as_times(values: list[Any]) -> list[Any]:
+    """Return texts and dates as pandas Timestamps without a time zone; numbers are unchanged."""
+    numbers = [isinstance(value, int | float) for value in values]
+    if all(numbers):
+        return values
+    try:
+        if any(numbers):
+            raise ValueError("some are numbers")
+        return [pd.Timestamp(value).tz_localize(None) for value in values]
+    except (ValueError, TypeError) as error:
         raise ValueError(
-            f"path must end with .html, or be a folder; got {str(path)!r}. For a PDF file, print "
-            f"the HTML page from a browser."
-        )
-    target.mkdir(parents=True, exist_ok=True)
-    return target, False
+            f"times of recordings and history must all be numbers, or all be dates such as "
+            f"'2024-05-01 22:10'; got {values[0]!r} ({error})."
+        ) from error
+
+
+def _since(decision: str, earlier: pd.DataFrame, counter: str | None) -> str:
+    """Say since when a decision has been made without interruption."""
+    if earlier.empty:
+        return "No earlier result of this unit is known."
+    times = ["" if counter is None else when(time, counter) for time in earlier["time"]]
+    rows = list(zip(earlier["decision"], times, strict=True))
+    same = list(takewhile(lambda row: row[0] == decision, reversed(rows)))
+    before = ""
+    if len(same) < len(rows):
+        other, time = rows[-1 - len(same)]
+        before = f"{other!r} ({time})." if time else f"{other!r}."
+    if not same:
+        return f"New: the recording before, of this unit, was {before}"
+    start = f"Since {same[-1][1]}, in" if same[-1][1] else "In"
+    rest = f"; before that, {before}" if before else ": in all that are known of this unit."
+    return f"{start} {len(same) + 1} recordings in a row{rest}"
 
 
 def file_stems(names: Sequence[str]) -> list[str]:
@@ -315,111 +369,3 @@ def file_stems(names: Sequence[str]) -> list[str]:
         counts[stem] += 1
         unique.append(stem if counts[stem] == 1 else f"{stem}_{counts[stem]}")
     return [stem.replace(" ", "_") for stem in unique]
-
-
-def check_history(history: Any, has_unit: bool, has_time: bool) -> pd.DataFrame:
-    """Return earlier results with the columns "decision", "unit" and "time".
-
-    Parameters
-    ----------
-    history : DataFrame, optional
-        As `score` returns it, with "unit" and "time" added.
-    has_unit, has_time : bool
-        Whether the units and times of the new recordings are known.
-
-    Returns
-    -------
-    DataFrame
-        Without rows that have no decision; "unit" and "time" are None where they are not known.
-
-    Raises
-    ------
-    ValueError
-        If it is not a table, or a column is missing.
-    """
-    columns = ["decision", *["unit"] * has_unit, *["time"] * has_time]
-    if history is None:
-        history = pd.DataFrame(columns=columns)
-    found = list(getattr(history, "columns", ()))
-    for name in columns:
-        if name not in found:
-            raise ValueError(
-                f"history must be a table of earlier results, as from score, with the columns "
-                f"{columns} as far as the new recordings have them; it has no {name!r} in {found}."
-            )
-    kept = history.loc[history["decision"].fillna("").astype(str) != "", columns]
-    return kept.reindex(columns=["decision", "unit", "time"]).astype(object)
-
-
-def as_times(values: list[Any]) -> list[Any]:
-    """Return texts and dates as pandas Timestamps without a time zone; numbers are unchanged.
-
-    Raises
-    ------
-    ValueError
-        If a text is not a date, or numbers and dates are mixed.
-    """
-    numbers = [isinstance(value, int | float) for value in values]
-    if all(numbers):
-        return values
-    try:
-        if any(numbers):
-            raise ValueError("some are numbers")
-        return [pd.Timestamp(value).tz_localize(None) for value in values]
-    except (ValueError, TypeError) as error:
-        raise ValueError(
-            f"times of recordings and history must all be numbers, or all be dates such as "
-            f"'2024-05-01 22:10'; got {values[0]!r} ({error})."
-        ) from error
-
-
-def since(decision: Any, time: Any, earlier: pd.DataFrame, name: str = "") -> str:
-    """Return since when a decision has been made without interruption.
-
-    Parameters
-    ----------
-    decision : label
-        The decision on the recording.
-    time : Timestamp or number, optional
-        Time of the recording. None: it is the latest.
-    earlier : DataFrame
-        Earlier results of the same unit with the columns "decision" and "time"; None as times: in
-        their order.
-    name : str
-        Name of a time that is a counter, such as "cycle".
-
-    Returns
-    -------
-    str
-        A sentence.
-
-    Examples
-    --------
-    >>> table = pd.DataFrame({"decision": ["ok", "worn", "worn"], "time": [100, 200, 300]})
-    >>> since("worn", 400, table, "cycle")
-    "Since cycle 200, in 3 recordings in a row; before that, 'ok' (cycle 100)."
-    >>> since("ok", 50, table)
-    'No earlier result of this unit is known.'
-    """
-    if time is not None:
-        earlier = earlier[earlier["time"] < time].sort_values("time", kind="stable")
-    if earlier.empty:
-        return "No earlier result of this unit is known."
-    rows = [
-        (str(decided), "" if time is None else when(at, name))
-        for decided, at in zip(earlier["decision"], earlier["time"], strict=True)
-    ]
-    first = len(rows)  # of the uninterrupted decisions
-    while first and rows[first - 1][0] == str(decision):
-        first -= 1
-    before = ""
-    if first:
-        other, at = rows[first - 1]
-        before = f"{other!r}{f' ({at})' if at else ''}."
-    if first == len(rows):
-        return f"New: the recording before, of this unit, was {before}"
-    start = f"Since {rows[first][1]}, in" if rows[first][1] else "In"
-    text = f"{start} {len(rows) - first + 1} recordings in a row"
-    if before:
-        return f"{text}; before that, {before}"
-    return f"{text}: in all that are known of this unit."

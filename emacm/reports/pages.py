@@ -6,7 +6,6 @@ import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,7 @@ from emacm.orders.bin_transformer import collected_statements
 from emacm.orders.columns import parse_order_columns
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
-from emacm.reports.facts import Facts, model_facts, recording_facts
+from emacm.reports.facts import Facts, recording_facts
 from emacm.reports.raised import LEAST, SIGMAS, Findings, Row, Spectra, find_raised
 from emacm.reports.verdicts import Verdict, verdict_on
 
@@ -60,8 +59,8 @@ class Settings:
     ----------
     model : estimator
         Fitted classifier.
-    about, path : mapping and Path, optional
-        Description and file of the model.
+    facts : list of (str, str)
+        Facts about the model.
     actions : mapping of str to str, optional
         Recommended action for each decision.
     parts : part or sequence of parts, optional
@@ -73,8 +72,7 @@ class Settings:
     """
 
     model: Any
-    about: Mapping[str, Any] | None
-    path: Path | None
+    facts: Facts
     actions: Mapping[str, str] | None
     parts: Any
     healthy: Any
@@ -173,10 +171,9 @@ def page_of(settings: Settings, source: Callable[[], Any], name: str) -> Page:
         Its `since` is empty.
     """
     (row,) = scored_rows(settings.model, [source], [name])
-    facts = model_facts(settings.model, settings.about, settings.path)
     if row["error"]:
         reason = _AS_A_LIST.sub("", row["error"])
-        page = Page(name, "no decision", "error", [reason], True, model_facts=facts)
+        page = Page(name, "no decision", "error", [reason], True, model_facts=settings.facts)
         page.recording = [("File", name)]
         return page
     with warnings.catch_warnings():
@@ -185,7 +182,7 @@ def page_of(settings: Settings, source: Callable[[], Any], name: str) -> Page:
         with collected_statements() as new_lines:
             verdict = verdict_on(settings.model, recording, row, settings.healthy)
         page = Page(name, str(verdict.decision), verdict.kind, sentences=verdict.sentences)
-        page.recording, page.model_facts = recording_facts(recording, name), facts
+        page.recording, page.model_facts = recording_facts(recording, name), settings.facts
         page.units = recording.units
         steps = [(str(k), part) for k, part in enumerate(parts_of(settings.model))]
         page.envelopes = envelopes_of(Pipeline(steps)) if steps else {}

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
-from collections.abc import Sequence
-from io import BytesIO
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,56 +20,42 @@ _MOST = 12  # bars with names
 _MARKED = 12  # predicted lines
 
 
-class Picture:
-    """Order spectrum and deviations of the channel of a page that deviates most.
+def drawn(page: Page) -> tuple[Any, str]:
+    """Draw the order spectrum and the deviations of the channel that deviates most.
 
     Parameters
     ----------
     page : Page
         What is drawn.
 
-    Attributes
-    ----------
-    n_panels : int
-        Number of Axes needed: 0, 1 or 2.
+    Returns
+    -------
+    figure : Figure, or None
+        None if the page has neither.
     description : str
         The picture in words.
     """
-
-    def __init__(self, page: Page) -> None:
-        self._page, self._bars = page, _bars(page)
-        worst = _channel(page).rpartition("__")[2]
-        self._channel = worst if worst in page.spectra else next(iter(page.spectra), None)
-        self.n_panels = (self._channel is not None) + (self._bars is not None)
-        parts = []
-        if self._channel is not None:
-            lines = "" if page.parts is None else " with predicted lines"
-            parts.append(f"order spectrum of {channel_name(self._channel)}{lines}")
-        if self._bars is not None:
-            parts.append(f"deviations from {page.reference}")
-        self.description = " and ".join(parts)
-
-    def draw(self, axes: Sequence[Any]) -> None:
-        """Draw on `n_panels` Axes."""
-        if self._channel is not None:
-            _draw_spectrum(axes[0], self._page, self._channel)
-        if self._bars is not None:
-            _draw_bars(axes[-1], self._page.reference, self._bars)
-        for ax in axes:
-            ax.tick_params(labelsize=_drawing.SMALL)
-            for axis in (ax.xaxis, ax.yaxis):
-                axis.label.set_size(_drawing.SMALL)
-
-    def svg(self) -> str:
-        """Return the picture as SVG in base64; empty if nothing is drawn."""
-        if not self.n_panels:
-            return ""
-        height = 5.0 if self.n_panels > 1 else 2.8  # inches
-        figure, axes = _drawing.offscreen_panels(self.n_panels, height=height)
-        self.draw(axes[:, 0])
-        buffer = BytesIO()
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
-        return b64encode(buffer.getvalue()).decode()
+    panels: list[tuple[str, Callable[[Any], None]]] = []
+    worst = _channel(page).rpartition("__")[2]
+    channel = worst if worst in page.spectra else next(iter(page.spectra), None)
+    if channel is not None:
+        lines = "" if page.parts is None else " with predicted lines"
+        title = f"order spectrum of {channel_name(channel)}{lines}"
+        panels.append((title, partial(_draw_spectrum, page, channel)))
+    bars = _bars(page)
+    if bars is not None:
+        title = f"deviations from {page.reference}"
+        panels.append((title, partial(_draw_bars, page.reference, bars)))
+    if not panels:
+        return None, ""
+    height = 5.0 if len(panels) > 1 else 2.8  # inches
+    figure, axes = _drawing.offscreen_panels(len(panels), height=height)
+    for ax, (_, draw) in zip(axes[:, 0], panels, strict=True):
+        draw(ax)
+        ax.tick_params(labelsize=_drawing.SMALL)
+        ax.xaxis.label.set_size(_drawing.SMALL)
+        ax.yaxis.label.set_size(_drawing.SMALL)
+    return figure, " and ".join(title for title, _ in panels)
 
 
 def _channel(page: Page) -> str:
@@ -98,7 +83,7 @@ def _bars(page: Page) -> pd.DataFrame | None:
     return own.loc[largest]
 
 
-def _draw_spectrum(ax: Any, page: Page, channel: str) -> None:
+def _draw_spectrum(page: Page, channel: str, ax: Any) -> None:
     orders, power = page.spectra[channel]
     drawn = orders > 0  # detrending changes the line at order 0
     style = {"color": _drawing.PLAIN, "linewidth": 0.9, "label": "this recording"}
@@ -149,7 +134,7 @@ def _predicted(page: Page, top: float) -> pd.DataFrame:
     return table.astype(float).head(_MARKED)
 
 
-def _draw_bars(ax: Any, reference: str, bars: pd.DataFrame) -> None:
+def _draw_bars(reference: str, bars: pd.DataFrame, ax: Any) -> None:
     """Draw a bar for each order band, or a horizontal one for each named feature."""
     unit = bars["unit"].iloc[0]
     colours = [_drawing.COLOURS[1] if raised else "0.6" for raised in bars["raised"]]

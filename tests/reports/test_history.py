@@ -1,15 +1,21 @@
 """Since when a state has been decided."""
 
-import numpy as np
 import pandas as pd
 import pytest
 
-from emacm.reports.maintenance import add_since, as_times, check_history, since
+from emacm.reports.maintenance import add_since
 from emacm.reports.pages import Page
 
 
 def table(*decisions):
     return pd.DataFrame({"decision": decisions, "time": range(100, 100 * len(decisions) + 1, 100)})
+
+
+def since(history, times, decision="worn"):
+    """Return what a page states of a history without units."""
+    page = Page("new", decision, "fault")
+    add_since([page], history, None, times, "cycle")
+    return page.since
 
 
 @pytest.mark.parametrize(
@@ -18,30 +24,30 @@ def table(*decisions):
         (table("ok", "worn", "worn"), "Since cycle 200, in 3 recordings in a row; before that, "),
         (
             table("ok", "worn", "ok"),
-            "New: the recording before, of this unit, was 'ok' (cycle 300)",
+            "New: the recording before, of this unit, was 'ok' (cycle 300).",
         ),
         (table("worn", "worn"), "Since cycle 100, in 3 recordings in a row: in all that are known"),
         (
             table("worn", "ok", "worn"),
-            "Since cycle 300, in 2 recordings in a row; before that, 'ok'",
+            "Since cycle 300, in 2 recordings in a row; before that, 'ok' (cycle 200).",
         ),
         (table(), "No earlier result of this unit is known."),
     ],
 )
 def test_the_uninterrupted_decisions_before_count(earlier, text):
-    assert since("worn", 950, earlier, "cycle").startswith(text)
+    assert since(earlier, [950]).startswith(text)
 
 
 def test_only_results_before_the_recording_count_in_the_order_of_time():
     shuffled = table("ok", "worn", "ok", "ok").iloc[[3, 0, 2, 1]]
-    assert since("worn", 250, shuffled, "cycle").startswith("Since cycle 200, in 2")
-    assert since("worn", 100, shuffled) == "No earlier result of this unit is known."
+    assert since(shuffled, [250]).startswith("Since cycle 200, in 2")
+    assert since(shuffled, [100]) == "No earlier result of this unit is known."
 
 
 def test_without_times_the_order_of_the_rows_is_that_of_time():
-    earlier = pd.DataFrame({"decision": ["ok", "worn"], "time": None})
-    text = "In 2 recordings in a row; before that, 'ok'."
-    assert since("worn", None, earlier) == text
+    earlier = pd.DataFrame({"decision": ["ok", "worn", None]}, index=[7, 3, 3])
+    assert since(earlier, None) == "In 2 recordings in a row; before that, 'ok'."
+    assert since(earlier, None, "ok") == "New: the recording before, of this unit, was 'worn'."
 
 
 def test_units_are_separate_and_recordings_count_as_results_of_each_other():
@@ -59,17 +65,22 @@ def test_units_are_separate_and_recordings_count_as_results_of_each_other():
     assert pages[3].since.startswith("Since 2024-04-01, in 2 recordings in a row: in all")
 
 
-def test_times_are_numbers_or_dates():
-    assert as_times([3, np.float64(4.5)]) == [3, 4.5]
-    assert as_times(["2024-05-01T10:00:00Z"]) == [pd.Timestamp("2024-05-01 10:00")]
-    with pytest.raises(ValueError, match="all be numbers"):
-        as_times([3, "2024-05-01"])
-    with pytest.raises(ValueError, match="got 'soon'"):
-        as_times(["soon"])
+def test_times_may_have_a_zone_or_fractions():
+    dates = pd.DataFrame({"decision": ["worn"], "time": ["2024-05-01T10:00:00Z"]})
+    assert since(dates, ["2024-05-02"]).startswith("Since 2024-05-01 10:00, in 2")
+    numbers = pd.DataFrame({"decision": ["worn"], "time": [4.5]})
+    assert since(numbers, [5]).startswith("Since cycle 4.5, in 2")
 
 
-def test_an_invalid_history_is_refused():
-    with pytest.raises(ValueError, match="history must be a table"):
-        check_history([], False, False)
-    with pytest.raises(ValueError, match="it has no 'unit'"):
-        check_history(pd.DataFrame({"decision": []}), True, False)
+@pytest.mark.parametrize(
+    ("history", "units", "times", "message"),
+    [
+        ([], None, None, "history must be a table"),
+        (pd.DataFrame({"decision": []}), ["A"], None, "it has no 'unit'"),
+        (table("worn"), None, ["2024-05-01"], "all be numbers"),
+        (None, ["A"], ["soon"], "got 'soon'"),
+    ],
+)
+def test_an_invalid_history_is_refused(history, units, times, message):
+    with pytest.raises(ValueError, match=message):
+        add_since([Page("new", "worn", "fault")], history, units, times)

@@ -30,10 +30,9 @@ from emacm import (
     bearing_recipe,
     family_costs,
 )
-from emacm.displays._drawing import offscreen_panels
 from emacm.reports.maintenance import read_settings
 from emacm.reports.pages import page_of
-from emacm.reports.pictures import Picture
+from emacm.reports.pictures import drawn
 from emacm.resampling.order_resampler import SignalCache
 
 
@@ -239,10 +238,8 @@ def test_an_envelope_is_named_as_such():
     recipe = bearing_recipe({"line": 3.6}, revolutions=16, harmonics=1, classifier=bayes)
     model = recipe.set_params(envelopedetector__squared=True).fit(runs(), STATES)
     found = page(model, recording("outer race", 99), parts=None)
-    picture = Picture(found)
-    figure, axes = offscreen_panels(picture.n_panels)
-    picture.draw(axes[:, 0])
-    label = axes[0, 0].get_ylabel()
+    figure, _ = drawn(found)
+    label = figure.axes[0].get_ylabel()
     assert label.startswith("squared envelope order spectrum\nof ")
     assert figure.axes[1].get_yticklabels()[-1].get_text().endswith("@line")
 
