@@ -384,7 +384,7 @@ def weak_lines(n_units: int, n_runs: int, seeds: Iterable[int]) -> pd.DataFrame:
         def stated(recording: Any, pipeline: Any = pipeline) -> list[str]:
             with collected_statements() as texts:
                 pipeline.transform([recording])
-            return texts
+            return texts[0]
 
         rows += [(name, 0.0, bool(stated(x))) for x in good for name in (CURRENT, SHAKING)]
         for x in good[::5]:

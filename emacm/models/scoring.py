@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from joblib import effective_n_jobs
+from numpy.typing import NDArray
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
@@ -149,63 +151,133 @@ def scored_rows(
     -------
     list of dict
     """
+    at_once = min(32, -(-len(sources) // effective_n_jobs(n_jobs))) or 1
+    starts = range(0, len(sources), at_once)
+    batches = [[part[i : i + at_once] for i in starts] for part in (sources, names)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # the rows contain them
-        return run(partial(_scored_row, model), sources, names, n_jobs=n_jobs)
+        rows = run(partial(_scored_batch, model), *batches, n_jobs=n_jobs)
+    return list(chain.from_iterable(rows))
 
 
 def _itself(entry: Any) -> Any:
     return entry
 
 
-def _scored_row(model: Any, source: Callable[[], Any], name: Any) -> Row:
-    """Return the row of one recording, with what is known of it if there is no decision."""
+def _scored_batch(
+    model: Any,
+    sources: Sequence[Callable[[], Any]],
+    names: Sequence[Any],
+    max_bytes: int = 1 << 25,
+) -> list[Row]:
+    """Return the rows of some recordings; those in memory at once are few or small."""
     texts = {"decision": None, "warnings": "", "outside_training": "", "error": ""}
-    row = dict.fromkeys(score_columns(model), np.nan) | texts | {"recording": name}
-    recording = None
+    empty = dict.fromkeys(score_columns(model), np.nan) | texts
+    rows: list[Row] = []
+    opened: list[tuple[Row, Recording]] = []
+    n_bytes = 0
+    for source, name in zip(sources, names, strict=True):
+        rows.append(empty | {"recording": name})
+        try:
+            recording = source()
+            if not isinstance(recording, Recording):
+                raise TypeError(f"expected a recording, got {received(recording)}")
+            sizes = [len(series) * series.dtype.itemsize for series in recording.series.values()]
+        except Exception as error:  # any error is the result for this recording
+            rows[-1]["error"] = _text_of(error)
+            continue
+        opened.append((rows[-1], recording))
+        n_bytes += sum(sizes)
+        if n_bytes > max_bytes:
+            _fill_and_release(model, opened)
+            opened, n_bytes = [], 0
+    _fill_and_release(model, opened)
+    return rows
+
+
+def _text_of(error: Exception) -> str:
+    known = isinstance(error, ValueError | TypeError | OSError | ImportError)
+    text = str(error) if known else f"{type(error).__name__}: {error}"
+    return " ".join(text.split()) or type(error).__name__
+
+
+def _fill_and_release(model: Any, opened: list[tuple[Row, Recording]]) -> None:
+    """Fill the rows of recordings, and drop those of files from memory."""
     try:
-        recording = source()
-        if not isinstance(recording, Recording):
-            raise TypeError(f"expected a recording, got {received(recording)}")
-        with collected_statements() as new_lines:
-            final, table = opened_classifier(model, [recording])
-            decided, is_unknown = _decision(model, final, table)
-        row |= decided | _findings(model, recording)
-        outside = row["outside_training"] or "; ".join(new_lines)
-        row["outside_training"] = _reasons(model, recording, outside) if is_unknown else outside
-    except Exception as error:  # any error is the result for this recording
-        known = isinstance(error, ValueError | TypeError | OSError | ImportError)
-        text = str(error) if known else f"{type(error).__name__}: {error}"
-        row["error"] = " ".join(text.split()) or type(error).__name__
-        with suppress(Exception):  # defects, such as a dead channel, are often the reason
-            row |= _findings(model, recording)
+        _fill(model, opened)
     finally:
-        if isinstance(recording, FileRecording):
-            recording.release()
-    return row
+        for _, recording in opened:
+            if isinstance(recording, FileRecording):
+                recording.release()
 
 
-def _decision(model: Any, final: Any, table: Any) -> tuple[Row, bool]:
-    """Return decision, cost, typicality and probabilities, and whether it decides "unknown"."""
-    probabilities, known, row = final.predict_proba(table), final.classes_, Row()
+def _fill(model: Any, opened: list[tuple[Row, Recording]]) -> None:
+    """Fill the rows of recordings together; in parts, down to single ones, if one is invalid."""
+    if not opened:
+        return
+    recordings = [recording for _, recording in opened]
+    try:
+        parts = _by_condition(model, recordings)
+        if len(parts) == 1:
+            for (row, _), result in zip(opened, _results(model, recordings), strict=True):
+                row |= result
+            return
+    except Exception as error:
+        if len(opened) == 1:
+            opened[0][0]["error"] = _text_of(error)
+            with suppress(Exception):  # defects, such as a dead channel, are often the reason
+                opened[0][0].update(_findings(model, recordings)[0])
+            return
+        parts = np.array_split(np.arange(len(opened)), 2)
+    for part in parts:
+        _fill(model, [opened[i] for i in part])
+
+
+def _by_condition(model: Any, recordings: Sequence[Recording]) -> list[NDArray[np.intp]]:
+    """Return the numbers of the recordings that have the same classifier."""
+    router = search_estimator(model)
+    if not isinstance(router, ConditionRouter):
+        return [np.arange(len(recordings))]
+    keys = [id(own) for own in router.models_of(recordings)]
+    return [np.flatnonzero([key == other for other in keys]) for key in dict.fromkeys(keys)]
+
+
+def _results(model: Any, recordings: list[Recording]) -> list[Row]:
+    """Return decisions and findings of recordings of one condition."""
+    with collected_statements() as new_lines:
+        final, table = opened_classifier(model, recordings)
+        decisions = _decisions(model, final, table)
+    unknown = getattr(final, "unknown", None)
+    rows = []
+    for number, found in enumerate(_findings(model, recordings)):
+        row = decisions[number] | found
+        outside = row["outside_training"] or "; ".join(new_lines[number])
+        if unknown is not None and row["decision"] == unknown:
+            outside = _reasons(model, recordings[number], outside)
+        rows.append(row | {"outside_training": outside})
+    return rows
+
+
+def _decisions(model: Any, final: Any, table: Any) -> list[Row]:
+    """Return decision, cost, typicality and probabilities of each row of a table."""
+    probabilities, known, columns = final.predict_proba(table), final.classes_, Row()
     typicality = None
     if hasattr(final, "typicality"):
         with suppress(ValueError):  # the model has no typicality; the features are valid
             typicality = final.typicality(table)
-            row["typicality"] = float(typicality[0])
+            columns["typicality"] = typicality
     if isinstance(final, LeastRiskMixin):
         probabilities, known = final.truth_proba(table, probabilities, typicality), final.truths_
         cost = final.cost_
-        row["expected_cost"] = float(risks_of(probabilities, cost)[0].min())
-        decision = final.decisions_[decide(probabilities, cost)[0]]
+        columns["expected_cost"] = risks_of(probabilities, cost).min(axis=1)
+        columns["decision"] = final.decisions_[decide(probabilities, cost)]
     else:
-        decision = final.predict(table)[0]
-    of_state = dict(zip(known.tolist(), probabilities[0], strict=True))
-    classes = np.asarray(model.classes_).tolist()
-    row |= {f"P({label})": float(of_state.get(label, 0.0)) for label in classes}
-    row["decision"] = decision.item() if isinstance(decision, np.generic) else decision
-    unknown = getattr(final, "unknown", None)
-    return row, unknown is not None and bool(row["decision"] == unknown)
+        columns["decision"] = np.asarray(final.predict(table))
+    of_state = dict(zip(known.tolist(), probabilities.T, strict=True))
+    for label in np.asarray(model.classes_).tolist():
+        columns[f"P({label})"] = of_state.get(label, np.zeros(len(probabilities)))
+    values = [values.tolist() for values in columns.values()]
+    return [dict(zip(columns, row, strict=True)) for row in zip(*values, strict=True)]
 
 
 def opened_classifier(model: Any, X: list[Any]) -> tuple[Any, Any]:
@@ -226,7 +298,9 @@ def opened_classifier(model: Any, X: list[Any]) -> tuple[Any, Any]:
     final, table = before_the_last_step(model, X)
     if not isinstance(final, ConditionRouter):
         return final, table
-    (own,) = final.models_of(table)
+    own, *others = final.models_of(table)
+    if any(other is not own for other in others):
+        raise ValueError("the recordings are of several conditions.")
     inner, features = opened_classifier(own, table)
     return with_present_costs(inner, own, final.estimator, final.classes_), features
 
@@ -239,28 +313,25 @@ def _reasons(model: Any, recording: Recording, known: str) -> str:
     return "; ".join(filter(None, [known, *statements]))
 
 
-def _findings(model: Any, recording: Any) -> Row:
-    """Return what is unusual about a recording as measured."""
-    found = measured_quality(search_estimator(model), recording)
-    if found is None:
-        return {}
-    statements = training_statements(model, recording) or []
-    outside = "; ".join(statement.text for statement in statements)
-    return {"warnings": found[1].warnings, "outside_training": outside}
+def _findings(model: Any, recordings: list[Recording]) -> list[Row]:
+    """Return what is unusual about recordings of one condition as measured."""
+    resamplers = fitted_resamplers(search_estimator(model))
+    if not resamplers:
+        return [{"warnings": "", "outside_training": ""}] * len(recordings)
+    outside = training_statements(model, recordings) or [[]] * len(recordings)
+    return [
+        {
+            "warnings": measured_quality(resamplers[0], recording).warnings,
+            "outside_training": "; ".join(statement.text for statement in statements),
+        }
+        for recording, statements in zip(recordings, outside, strict=True)
+    ]
 
 
-def measured_quality(model: Any, recording: Recording) -> tuple[OrderResampler, Quality] | None:
-    """Return the first resampler of a fitted model, and the quality of a recording for it.
-
-    Returns
-    -------
-    (OrderResampler, Quality), or None
-        None if the model resamples nothing.
-    """
-    for part in fitted_resamplers(model)[:1]:
-        known = [name for name in part.channels_ if name in recording.channels]
-        return part, recording_quality(part.over_angle(recording, known or recording.channels))
-    return None
+def measured_quality(resampler: OrderResampler, recording: Recording) -> Quality:
+    """Return the quality of a recording for a fitted resampler, of the channels that it has."""
+    known = [name for name in resampler.channels_ if name in recording.channels]
+    return recording_quality(resampler.over_angle(recording, known or recording.channels))
 
 
 def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
@@ -317,14 +388,14 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
 
 
 def _outside_training(model: Any, recording: Any) -> list[str]:
-    found = training_statements(model, recording)
+    found = training_statements(model, [recording])
     if found is None:
         raise TypeError(
             f"{type(model).__name__} contains no OrderResampler, which stores the range of the "
             f"training recordings."
         )
     # Another speed, gain or rate changes all lines.
-    return [statement.text for statement in found] or _new_lines(model, recording)
+    return [statement.text for statement in found[0]] or _new_lines(model, recording)
 
 
 def _new_lines(model: Any, recording: Any) -> list[str]:
@@ -332,14 +403,18 @@ def _new_lines(model: Any, recording: Any) -> list[str]:
     with collected_statements() as found, suppress(ValueError):  # it may be too short, or so
         for part, X in parts_with_input(model, [recording], BinTransformer):
             part.transform(X)
-    return found
+    return found[0]
 
 
-def training_statements(model: Any, recording: Any) -> list[Statement] | None:
-    """Return what `outside_training` states of a recording; None without an `OrderResampler`."""
+def training_statements(model: Any, X: list[Any]) -> list[list[Statement]] | None:
+    """Return what `outside_training` states of recordings of one condition.
+
+    None if the model has no `OrderResampler`.
+    """
     kinds = (OrderResampler, StrokeFeatures)
-    found = [part.outside_training(X)[0] for part, X in parts_with_input(model, [recording], kinds)]
-    return list(dict.fromkeys(chain.from_iterable(found))) if found else None
+    found = [part.outside_training(own) for part, own in parts_with_input(model, X, kinds)]
+    joint = zip(*found, strict=True)
+    return [list(dict.fromkeys(chain.from_iterable(own))) for own in joint] if found else None
 
 
 def parts_with_input(model: Any, X: Any, kinds: Any) -> Iterator[tuple[Any, Any]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -291,7 +292,7 @@ class NewLineSettings:
 SETTINGS = NewLineSettings()
 
 
-_collected: ContextVar[list[str] | None] = ContextVar("_collected", default=None)
+_collected: ContextVar[dict[int, list[str]] | None] = ContextVar("_collected", default=None)
 
 
 class KnownLines(NamedTuple):
@@ -418,12 +419,12 @@ def state_new_lines(
 
 
 @contextmanager
-def collected_statements() -> Iterator[list[str]]:
+def collected_statements() -> Iterator[dict[int, list[str]]]:
     """Collect the statements about new lines that would otherwise be warnings.
 
-    Of one recording that is transformed within the block.
+    By number of the recording, of the same recordings, which are transformed within the block.
     """
-    found: list[str] = []
+    found: dict[int, list[str]] = defaultdict(list)
     token = _collected.set(found)
     try:
         yield found
@@ -435,7 +436,8 @@ def warn_of_new_lines(statements: Sequence[Sequence[str]], *, stacklevel: int) -
     """Warn once of all recordings with new lines, unless the statements are being collected."""
     found = _collected.get()
     if found is not None:
-        found += [text for own in statements for text in own if text not in found]
+        for number, own in enumerate(statements):
+            found[number] += [text for text in own if text not in found[number]]
         return
     note = (
         f"({sum(map(bool, statements))} of {len(statements)}; of recordings like those of the "

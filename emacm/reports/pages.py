@@ -13,7 +13,7 @@ import pandas as pd
 from sklearn.pipeline import Pipeline
 
 from emacm.conditions.router import ConditionRouter
-from emacm.decisions.pipelines import parts_of, search_estimator
+from emacm.decisions.pipelines import fitted_resamplers, parts_of, search_estimator
 from emacm.displays._tables import envelopes_of
 from emacm.explanations.deviations import class_deviations
 from emacm.explanations.explain import explain_decision
@@ -188,7 +188,7 @@ def page_of(settings: Settings, source: Callable[[], Any], name: str) -> Page:
         page.envelopes = envelopes_of(Pipeline(steps)) if steps else {}
         if settings.actions is not None:
             page.action = settings.actions.get(page.decision, "none is given for this decision")
-        _add_warnings(page, settings.model, recording, new_lines)
+        _add_warnings(page, settings.model, recording, new_lines[0])
         page.normal += verdict.normal
         _add_findings(page, settings, recording, verdict)
     return page
@@ -199,9 +199,8 @@ def _add_warnings(page: Page, model: Any, recording: Recording, new_lines: Seque
     own = search_estimator(model)
     if isinstance(own, ConditionRouter):
         own = own.models_of([recording])[0]
-    measured = measured_quality(own, recording)
-    if measured is not None:
-        resampler, quality = measured
+    for resampler in fitted_resamplers(own)[:1]:
+        quality = measured_quality(resampler, recording)
         usual = resampler.training_findings_
         page.first = [found.text for found in quality.findings if found.kind not in usual]
         known = [found.text for found in quality.findings if found.kind in usual]
@@ -209,7 +208,8 @@ def _add_warnings(page: Page, model: Any, recording: Recording, new_lines: Seque
         if not quality.findings:
             page.normal.append("channels without clipping, interruption or constant values")
     page.doubtful = bool(page.first)
-    statements = training_statements(model, recording)
+    found = training_statements(model, [recording])
+    statements = None if found is None else found[0]
     if statements == []:
         page.normal.append("speed, sampling rates, levels and length within those of the training")
     page.doubtful |= any(statement.severe for statement in statements or ())

@@ -249,8 +249,8 @@ class StreamedModel:
             if hasattr(final, "risk")
             else {},
             typicality=typicality,
-            alarms=(*alarms, *new_lines),
-            outside_training=texts or tuple(new_lines),
+            alarms=(*alarms, *new_lines[0]),
+            outside_training=texts or tuple(new_lines[0]),
         )
 
     def digest(self) -> str:

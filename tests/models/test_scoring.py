@@ -5,6 +5,7 @@ import pickle
 import re
 import warnings
 import wave
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -346,6 +347,39 @@ def test_no_file_stays_in_memory_when_its_row_is_known(model, tmp_path, monkeypa
     assert files._recent._bytes == 0
     recordings[0].content()
     assert files._recent._bytes > 0
+
+
+def test_recordings_do_not_depend_on_the_others_of_their_batch(model):
+    """Invalid ones, other conditions, and a defect that is found at the end of the pipeline."""
+    speed = {"velocity": SPEED, "meta": {"load": 10}}
+    dead = Recording({"vib": np.zeros(N), "amp": X[1].signals["amp"]}, FS, **speed)
+    nowhere = Recording(X[2].signals, FS, velocity=SPEED, meta={"load": 70})
+    router = ConditionRouter(pipeline(), "load").fit(X, Y)
+    mixed = [*X[:7], None, *X[7:15], dead, nowhere, *X[15:]]
+    for estimator, n_failed in ((model, 2), (router, 3)):
+        together = score(estimator, mixed)
+        alone = [score(estimator, [entry]).to_dict("records")[0] for entry in mixed]
+        expected = pd.DataFrame(alone).assign(recording=range(len(mixed)))
+        pd.testing.assert_frame_equal(together, expected, rtol=1e-11)
+        assert together["error"].ne("").sum() == n_failed
+
+
+def test_few_large_files_are_in_memory_at_once(model, tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "_recent", files.Recent(1 << 28))
+    ones = np.ones(900_000)  # 22 MB in the three columns
+    np.savez(tmp_path / "0.npz", vib=ones, amp=ones, speed=ones)
+    held = []
+
+    def source(number):
+        held.append(files._recent._bytes)
+        path = tmp_path / f"{number}.npz"
+        if number:
+            os.link(tmp_path / "0.npz", path)
+        return open_recording(path, LAYOUT)
+
+    scored_rows(model, [partial(source, number) for number in range(5)], range(5))
+    assert held[0] == held[3] == 0
+    assert held[4] == held[1] > 0
 
 
 def test_an_unknown_state_is_explained_in_the_row():

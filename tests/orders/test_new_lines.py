@@ -45,7 +45,7 @@ def stated(bins, psd):
     for row in psd:
         with collected_statements() as found:
             bins.transform(table(row[np.newaxis]))
-        texts.append(found)
+        texts.append(found[0])
     return texts
 
 
@@ -221,4 +221,4 @@ def test_a_statement_is_collected_once(training, fitted):
     with collected_statements() as found:
         for _ in range(3):
             fitted.transform(table(new))
-    assert len(found) == 1
+    assert len(found[0]) == 1
