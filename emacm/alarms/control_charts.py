@@ -121,7 +121,6 @@ class _Chart(SavedEstimator):
             self._next,
             limit,
             self._run_length(limit, 0.0),
-            np.random.default_rng(0),
         )
         self.reset()
         return self

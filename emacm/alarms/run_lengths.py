@@ -112,8 +112,8 @@ def stated_run_length(
     advance: Callable[[Array, Array], Array],
     limit: float,
     nominal: float,
-    rng: np.random.Generator,
     settings: Bootstrap = Bootstrap(),
+    random_state: int = 0,
 ) -> RunLength:
     """Simulate baselines of this size and correlation, and count false alarms after each [1]_.
 
@@ -129,10 +129,10 @@ def stated_run_length(
         Limit of the absolute value of the statistic.
     nominal : float
         Average run length with a known baseline.
-    rng : Generator
-        Random numbers.
     settings : Bootstrap
         Sizes and limits of the simulation.
+    random_state : int
+        Seed of the random numbers.
 
     Returns
     -------
@@ -174,7 +174,7 @@ def stated_run_length(
     if few or 1 < n_groups < settings.fewest_groups:
         return RunLength(nominal, nominal, "nominal", *size)
     n_steps = int(np.clip(2 * nominal, settings.fewest_steps, settings.most_steps))
-    seed = int(rng.integers(1 << 60))
+    seed = int(np.random.default_rng(random_state).integers(1 << 60))
 
     def alarms(shift: Array | float) -> tuple[int, Array]:
         """Return false alarms, and the correlations of baselines, for shifted correlations."""

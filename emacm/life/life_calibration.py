@@ -19,7 +19,6 @@ Bools = NDArray[np.bool_]
 
 BEFORE_ONSET = "before onset"
 DAMAGE = "damage"
-MODELS = ("weibull", "wiener")
 SAME_AGE, EARLIER_AGE = "same age", "earlier age"
 
 
@@ -57,6 +56,11 @@ class History:
     def damaged(self) -> Bools:
         """Whether there is damage, of each reading."""
         return np.arange(len(self.ages)) >= self.onset
+
+    @property
+    def stages(self) -> NDArray[np.str_]:
+        """Before the onset or damage, of each reading."""
+        return np.where(self.damaged, DAMAGE, BEFORE_ONSET)
 
     @property
     def onset_age(self) -> float:

@@ -22,9 +22,6 @@ from emacm._checks import (
 )
 from emacm._saved import SavedEstimator
 from emacm.life.life_calibration import (
-    BEFORE_ONSET,
-    DAMAGE,
-    MODELS,
     History,
     LifeCalibration,
     LifeModels,
@@ -265,16 +262,14 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         check_coverage(coverage, self.n_failed_)
         index = X.index if isinstance(X, pd.DataFrame) else None
         X, units = self._followed(X, groups)
-        table = pd.DataFrame({"age": X[:, 0], "stage": BEFORE_ONSET}, index)
-        calibrated: list[tuple[float, int, str]] = [(0.0, 0, "")] * len(X)
+        calibrated: list[Any] = [None] * len(X)
         for unit in units:
-            table.iloc[unit.rows[unit.onset :], 1] = DAMAGE
-            for row, damaged, time in zip(unit.rows, unit.damaged, unit.times, strict=True):
-                stage = DAMAGE if damaged else BEFORE_ONSET
-                calibrated[row] = self._calibration.width(stage, time, coverage)
-        widths, n_units, calibration = zip(*calibrated, strict=True)
-        levels = 0.5 + np.multiply.outer(widths, [0, -1, 1])
-        table[["median", "lower", "upper"]] = self._quantiles(units, np.clip(levels, 0, 1))
+            for row, stage, time in zip(unit.rows, unit.stages, unit.times, strict=True):
+                calibrated[row] = stage, *self._calibration.width(stage, time, coverage)
+        stages, widths, n_units, calibration = zip(*calibrated, strict=True)
+        table = pd.DataFrame({"age": X[:, 0], "stage": stages}, index)
+        levels = np.column_stack([np.zeros(len(X)), np.negative(widths), widths])
+        table[["median", "lower", "upper"]] = self._quantiles(units, np.clip(0.5 + levels, 0, 1))
         table["n_units"], table["calibration"] = n_units, calibration
         indexed = self.n_features_in_ > 1
         rows, outside = table.to_dict("records"), outside_fit(X, self._fitted_range)
@@ -320,7 +315,7 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         return table.set_axis(X.index) if isinstance(X, pd.DataFrame) else table
 
     def _check_parameters(self) -> None:
-        check_choice(self.model, "model", MODELS)
+        check_choice(self.model, "model", ("weibull", "wiener"))
         check_number(self.coverage, "coverage", above=0, below=1)
         check_count(self.consecutive, "consecutive")
         if self.onset is not None:

@@ -189,6 +189,18 @@ def test_an_age_that_few_units_reached_has_the_interval_of_the_latest_that_enoug
     assert late["statement"].str.endswith("earlier: too few of this age.").all()
 
 
+def test_limits_that_censored_units_do_not_support_are_infinite_and_stated():
+    X, y, groups, ends = followed(range(30), censored=0.5)
+    fitted = model("weibull").fit(X, y, groups=groups, censored=ends)
+    table = fitted.predict_interval([[0.0, NO_DAMAGE], [150.0, NO_DAMAGE]])
+    assert np.isinf(table["upper"]).all()
+    assert (table["lower"] == 0).all()
+    np.testing.assert_array_equal(
+        table["median"], fitted.predict([[0.0, NO_DAMAGE], [150.0, NO_DAMAGE]])
+    )
+    assert table["statement"].str.contains("do not support an upper limit").all()
+
+
 def test_intervals_narrow_as_damage_grows():
     X, y, groups, _ = followed(range(60))
     fitted = model("wiener").fit(X, y, groups=groups)
