@@ -22,11 +22,6 @@ from emacm._saved import SavedEstimator
 from emacm.orders.columns import check_input_names
 from emacm.orders.segment_plan import SegmentPlan, window_values
 
-DETRENDS = ("constant", "linear", None, False)
-SCALINGS = ("density", "spectrum")
-AVERAGES = ("mean", "median")
-SHORTS = ("raise", "pad")
-
 
 def segment_plan(
     samples_per_rev: float,
@@ -79,13 +74,22 @@ def segment_plan(
         If an option is invalid.
     """
     samples_per_rev = check_number(samples_per_rev, "samples_per_rev", above=0)
-    length = segment_length(samples_per_rev, revolutions, n_per_segment)
+    if n_per_segment is not None:
+        length = check_count(n_per_segment, "n_per_segment", at_least=2)
+    else:
+        length = round(check_number(revolutions, "revolutions", above=0) * samples_per_rev)
+    if not 2 <= length <= 1 << 31:
+        raise ValueError(
+            f"a segment must have 2 to 2**31 samples, got {length:.4g} from n_per_segment = "
+            f"{n_per_segment}, revolutions = {revolutions} and {samples_per_rev:g} samples per "
+            f"revolution. Change one of them, or theta_s."
+        )
     overlap = check_number(overlap, "overlap", at_least=0, below=1)
-    check_choice(detrend, "detrend", DETRENDS)
-    check_choice(scaling, "scaling", SCALINGS)
-    check_choice(average, "average", AVERAGES)
+    check_choice(detrend, "detrend", ("constant", "linear", None, False))
+    check_choice(scaling, "scaling", ("density", "spectrum"))
+    check_choice(average, "average", ("mean", "median"))
     check_choice(by_direction, "by_direction", (True, False))
-    check_choice(short, "short", SHORTS)
+    check_choice(short, "short", ("raise", "pad"))
     n_orders = length // 2 + 1
     if max_order is not None:
         top = check_number(max_order, "max_order", at_least=0, unit="orders")
@@ -128,41 +132,6 @@ def samples_per_revolution(theta_s: float) -> float:
     samples = 2 * np.pi / check_number(theta_s, "theta_s", above=0, unit="rad per sample")
     whole = np.rint(samples)
     return float(whole if abs(samples - whole) <= 1e-14 * samples else samples)
-
-
-def segment_length(samples_per_rev: float, revolutions: Any, n_per_segment: Any) -> int:
-    """Return the samples of a segment.
-
-    Parameters
-    ----------
-    samples_per_rev : float
-        Samples per shaft revolution.
-    revolutions : float
-        Length of a segment [revolutions], used where `n_per_segment` is None.
-    n_per_segment : int or None
-        Length of a segment [samples].
-
-    Returns
-    -------
-    int
-        At least 2.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If either is not a positive number, or the segment would be too short or too long.
-    """
-    if n_per_segment is not None:
-        length = check_count(n_per_segment, "n_per_segment", at_least=2)
-    else:
-        length = round(check_number(revolutions, "revolutions", above=0) * samples_per_rev)
-    if not 2 <= length <= 1 << 31:
-        raise ValueError(
-            f"a segment must have 2 to 2**31 samples, got {length:.4g} from n_per_segment = "
-            f"{n_per_segment}, revolutions = {revolutions} and {samples_per_rev:g} samples per "
-            f"revolution. Change one of them, or theta_s."
-        )
-    return length
 
 
 _OPTIONS = tuple(signature(segment_plan).parameters)[1:]

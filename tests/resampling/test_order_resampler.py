@@ -466,13 +466,6 @@ def test_samples_per_revolution_in_place_of_theta_s_are_refused():
         OrderResampler(64).fit([slipping(0.0)])
 
 
-def test_theta_s_in_float32_means_the_samples_per_revolution_that_it_was_made_of():
-    single = OrderResampler(np.float32(2 * np.pi / 64)).fit_transform([slipping(0.0)])
-    assert single[0].theta_s == 2 * np.pi / 64
-    spectra = OrderPSD(4).fit_transform(single)
-    assert BinTransformer(max_order=32).fit_transform(spectra).shape == (1, 32)
-
-
 def test_transposed_arrays_are_refused():
     resampler = OrderResampler(fs=1000, reference=1)
     with pytest.raises(ValueError, match=r"recording 0: .*\(300, 2\)\. Transpose"):
