@@ -18,8 +18,6 @@ from emacm.stroke_features.transformer import MAX_COLUMNS, Row, StrokeFeatures, 
 
 Array = NDArray[np.float64]
 
-# Of a signal without power; its square must not underflow to 0.
-_TINY = np.finfo(np.float64).tiny ** 0.25
 _INDICATORS = ("FM0", "FM4", "M6A", "sidebands", "NA4", "NB4")
 
 
@@ -278,7 +276,7 @@ class GearIndicators(_RevolutionFeatures):
 
     def _row(self, row: Row) -> Array:
         found = self._moments(row)
-        found[:, 4:6] /= np.maximum(self.ensemble_, _TINY) ** 2
+        found[:, 4:6] /= _positive(self.ensemble_) ** 2
         return found[:, :-2].ravel()
 
 
@@ -410,7 +408,7 @@ def fm0(average: Array, teeth: int) -> float:
     2.0
     """
     amplitudes = _amplitudes(average)[mesh_orders(teeth, len(average))]
-    return float(np.ptp(average) / np.maximum(amplitudes.sum(), _TINY))
+    return float(np.ptp(average) / _positive(amplitudes.sum()))
 
 
 def normalized_moment(signal: Array, order: int) -> float:
@@ -428,7 +426,7 @@ def normalized_moment(signal: Array, order: int) -> float:
     1.0
     """
     x = signal - np.mean(signal)
-    return float(np.mean(x**order) / np.maximum(np.mean(x**2), _TINY) ** (order / 2))
+    return float(np.mean(x**order) / _positive(np.mean(x**2)) ** (order / 2))
 
 
 def mesh_envelope(average: Array, teeth: int) -> Array:
@@ -469,9 +467,14 @@ def sideband_level(average: Array, teeth: int) -> float:
     0.2801
     """
     level = _amplitudes(average)[[teeth - 1, teeth + 1]].sum()
-    return float(level / np.maximum(np.std(average), _TINY))
+    return float(level / _positive(np.std(average)))
 
 
 def _amplitudes(average: Array) -> Array:
     """Return the amplitude of each order."""
     return np.abs(np.fft.rfft(average)) * 2 / len(average)
+
+
+def _positive(level: Any) -> Any:
+    """Return a level, above 0 so that a signal without power has finite indicators."""
+    return np.maximum(level, np.finfo(np.float64).tiny ** 0.25)  # its square does not underflow
