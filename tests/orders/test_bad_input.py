@@ -24,10 +24,6 @@ def psd_after_fit(X):
     return OrderPSD(2).fit(over_angle()).transform(X)
 
 
-def long_rows():
-    return [np.random.default_rng(0).normal(size=300) for _ in range(3)]
-
-
 def one_broken():
     """The third of four recordings has no stroke long enough."""
     X = [run(seed, meta={"unit": seed}) for seed in range(4)]
@@ -119,21 +115,6 @@ CASES = [
         V,
         "revolutions = 0.01|32 samples per revolution",
     ),
-    Case(
-        "revolutions too short for bare rows",
-        lambda: OrderPSD(0.2).fit(np.ones((2, 50))),
-        V,
-        "revolutions|2 to 2**31",
-    ),
-    Case(
-        "revolutions beyond all memory",
-        lambda: psd(revolutions=10000000000000.0),
-        V,
-        "revolutions|2**31",
-    ),
-    Case(
-        "a segment beyond all memory", lambda: psd(n_per_segment=10**14), V, "n_per_segment|segment"
-    ),
     *[
         Case(
             f"revolutions={revolutions!r}",
@@ -141,14 +122,7 @@ CASES = [
             error,
             "revolutions|number",
         )
-        for revolutions, error, came in [
-            (0, V, "got 0"),
-            (-1, V, "got -1"),
-            (np.nan, V, "nan"),
-            (np.inf, V, "inf"),
-            ("2", T, "'2'"),
-            (None, T, "None"),
-        ]
+        for revolutions, error in [(0, V), (-1, V), (np.nan, V), ("2", T), (None, T)]
     ],
     *[
         Case(
@@ -157,14 +131,7 @@ CASES = [
             error,
             "n_per_segment|whole number",
         )
-        for n, error, came in [
-            (1.5, T, "1.5"),
-            (0, V, "got 0"),
-            (1, V, "got 1"),
-            ("a", T, "'a'"),
-            (True, T, "True"),
-            (64.0, T, "64.0"),
-        ]
+        for n, error in [(1.5, T), (0, V), (1, V), ("a", T)]
         for kind, X in [("recordings", over_angle), ("rows", lambda: np.ones((2, 300)))]
     ],
     *[
@@ -174,22 +141,11 @@ CASES = [
             error,
             "overlap|at least 0 and below 1",
         )
-        for overlap, error, came in [
-            (1, V, "got 1"),
-            (-0.1, V, "-0.1"),
-            (np.nan, V, "nan"),
-            ("half", T, "'half'"),
-        ]
+        for overlap, error in [(1, V), (-0.1, V), (np.nan, V), ("half", T)]
     ],
     *[
         Case(f"unknown {name}", lambda name=name: psd(**{name: "best"}), V, name, "must be one of")
-        for name, choice in [
-            ("detrend", "'constant', 'linear', None, False"),
-            ("scaling", "'density', 'spectrum'"),
-            ("average", "'mean', 'median'"),
-            ("short", "'raise', 'pad'"),
-            ("by_direction", "True, False"),
-        ]
+        for name in ("detrend", "scaling", "average", "short", "by_direction")
     ],
     *[
         Case(
@@ -199,16 +155,7 @@ CASES = [
             "window",
             repr(window),
         )
-        for window in [
-            "best",
-            ("best", 3),
-            "kaiser",
-            ("kaiser",),
-            ("kaiser", "x"),
-            ("kaiser", 10**400),
-            ("hann", 3),
-            (),
-        ]
+        for window in ["best", ("best", 3), "kaiser", ("kaiser", "x"), ("hann", 3), ()]
     ],
     Case("a window of nan", lambda: psd(window=("kaiser", np.nan)), V, "window|finite"),
     Case(
@@ -231,18 +178,6 @@ CASES = [
     Case("negative max_order", lambda: psd(max_order=-1), V, "max_order|orders"),
     Case("text for max_order", lambda: psd(max_order="5"), T, "max_order|number"),
     Case(
-        "a table with masked samples",
-        lambda: OrderPSD(4).fit(np.ma.masked_greater(np.arange(40.0).reshape(2, 20), 30)),
-        T,
-        "X has masked samples|Cut or repair",
-    ),
-    Case(
-        "a table of dates",
-        lambda: OrderPSD(4).fit(np.zeros((2, 20), "M8[s]")),
-        T,
-        "X must be numeric|datetime64[s]",
-    ),
-    Case(
         "theta_s that contradicts the recordings",
         lambda: psd(theta_s=0.1),
         V,
@@ -253,12 +188,6 @@ CASES = [
         lambda: OrderPSD(theta_s=0).fit(np.ones((2, 300))),
         V,
         "theta_s|above 0",
-    ),
-    Case(
-        "theta_s far too small for rows",
-        lambda: OrderPSD(2, theta_s=1e-12).fit(long_rows()),
-        V,
-        "segment|samples",
     ),
     Case(
         "another theta_s than that of fit",
@@ -287,12 +216,6 @@ CASES = [
     Case(
         "rows after a fit on recordings",
         lambda: psd_after_fit(np.ones((2, 300))),
-        (V, T),
-        "recordings|rows",
-    ),
-    Case(
-        "rows after a fit on recordings of one channel",
-        lambda: OrderPSD(2).fit(over_angle(channels=["a"])).transform(np.ones((2, 300))),
         (V, T),
         "recordings|rows",
     ),

@@ -33,34 +33,13 @@ CASES = [
             "number",
         )
         for name in ("bin_size", "max_order")
-        for value, error, came in [
-            (0, V, "got 0"),
-            (-1, V, "got -1"),
-            (np.nan, V, "nan"),
-            (np.inf, V, "inf"),
-            ("1", T, "'1'"),
-            (None, T, "None"),
-            (True, T, "True"),
-        ]
+        for value, error in [(0, V), (-1, V), (np.nan, V), ("1", T), (None, T)]
     ],
     Case("tiny bins", lambda: bins(bin_size=1e-300), V, "bin_size = 1e-300|bins up to order 8"),
     Case("edges that are not sorted", lambda: bins(edges=[0, 5, 3]), V, "edges|increase"),
-    Case("an edge twice", lambda: bins(edges=[0, 3, 3]), V, "edges|3 is at position 2"),
-    Case(
-        "edges that differ by rounding only",
-        lambda: bins(edges=[0, 1, 1 + 1e-13, 2]),
-        V,
-        "edges|increase",
-    ),
     Case("a negative edge", lambda: bins(edges=[-1, 3]), V, "edges|at least 0"),
     Case("an edge that is no number", lambda: bins(edges=[0, np.nan]), V, "edges|finite"),
     Case("one edge", lambda: bins(edges=[3]), V, "edges|at least 2"),
-    Case(
-        "edges of two dimensions",
-        lambda: bins(edges=[[0, 1], [1, 2]]),
-        V,
-        "edges|at least 2 finite orders",
-    ),
     Case("text for edges", lambda: bins(edges=["a", "b"]), T, "edges|numeric"),
     Case("no bands", lambda: bins(edges={}), V, "edges|at least one band"),
     Case(
@@ -71,12 +50,6 @@ CASES = [
     ),
     Case(
         "a band of one number", lambda: bins(edges={"BPFI": 6}), T, "band 'BPFI'|pair (low, high)"
-    ),
-    Case(
-        "a band with a number for a name",
-        lambda: bins(edges={6: (5, 6)}),
-        T,
-        "bands|named by strings",
     ),
     *(
         Case(
@@ -98,17 +71,8 @@ CASES = [
         V,
         "stop band 0|lower to a higher",
     ),
-    Case(
-        "a stop band of three numbers",
-        lambda: bins(stop_bands=((1, 2), (1, 2, 3))),
-        T,
-        "stop band 1|pair",
-    ),
     Case("text for stop bands", lambda: bins(stop_bands="5-6"), T, "stop_bands|'5-6'"),
-    Case("a number for stop bands", lambda: bins(stop_bands=5), T, "stop_bands|5"),
-    Case("None for stop bands", lambda: bins(stop_bands=None), T, "stop_bands|None"),
     Case("a negative stop band", lambda: bins(stop_bands=((-1, 2),)), V, "stop band 0|at least 0"),
-    Case("a stop band with a nan", lambda: bins(stop_bands=((1, np.nan),)), V, "stop band 0|nan"),
     Case("all bins stopped", lambda: bins(stop_bands=((0, 8),)), V, "stop_bands|(0.0, 8.0)"),
     Case(
         "a step that contradicts the axis",
@@ -117,7 +81,6 @@ CASES = [
         "order_step = 0.25|contradicts",
     ),
     Case("a step of zero", lambda: bins(np.ones((2, 9)), order_step=0), V, "order_step|above 0"),
-    Case("text for a step", lambda: bins(np.ones((2, 9)), order_step="x"), T, "order_step|'x'"),
     Case(
         "bins beyond a stated step",
         lambda: bins(np.ones((2, 9)), order_step=0.5),
@@ -137,7 +100,6 @@ CASES = [
         V,
         "NaN|recording 1",
     ),
-    Case("text in the spectra", lambda: bins([["a"] * 9]), V, "'a'"),
     Case(
         "order columns beside others",
         lambda: bins(pd.DataFrame(np.ones((2, 3)), columns=["load", "a@0", "a@1"])),
@@ -175,22 +137,6 @@ CASES = [
         lambda: BinTransformer(max_order=8).fit(np.ones((2, 9))).transform(np.ones((2, 8))),
         V,
         "8 features|9 features",
-    ),
-    Case(
-        "masked powers",
-        lambda: bins(np.ma.masked_less(np.arange(18.0).reshape(2, 9), 3)),
-        T,
-        "X has masked samples",
-    ),
-    Case(
-        "masked powers after fit",
-        lambda: (
-            BinTransformer(max_order=8)
-            .fit(np.ones((2, 9)))
-            .transform(np.ma.masked_less(np.arange(18.0).reshape(2, 9), 3))
-        ),
-        T,
-        "X has masked samples",
     ),
     Case(
         "columns of one name",

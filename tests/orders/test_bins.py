@@ -52,16 +52,14 @@ def table(orders, *rows, channel="current"):
 # Edges
 
 
-def test_bins_of_one_order_run_from_0_to_the_highest_order():
-    assert bin_edges(1, 3) == [(0, 1), (1, 2), (2, 3)]
-
-
-def test_the_last_bin_is_narrower_if_need_be():
-    assert bin_edges(0.4, 1) == [(0, 0.4), (0.4, 0.8), (0.8, 1)]
-
-
-def test_edges_carry_no_rounding_errors():
-    assert bin_edges(0.1, 0.5) == [(0, 0.1), (0.1, 0.2), (0.2, 0.3), (0.3, 0.4), (0.4, 0.5)]
+@pytest.mark.parametrize(
+    ("bin_size", "max_order", "edges"),
+    [(1, 3, [0, 1, 2, 3]), (0.4, 1, [0, 0.4, 0.8, 1]), (0.1, 0.5, [0, 0.1, 0.2, 0.3, 0.4, 0.5])],
+)
+def test_bins_adjoin_without_rounding_errors_and_the_last_may_be_narrower(
+    bin_size, max_order, edges
+):
+    assert bin_edges(bin_size, max_order) == list(pairwise(edges))
 
 
 @given(st.floats(0.01, 100), st.floats(0.01, 100))
@@ -242,11 +240,6 @@ def test_a_bin_inside_a_stop_band_has_no_column():
     np.testing.assert_allclose(power, [[0.9, 1, 1, 0.9]], rtol=1e-12)
 
 
-def test_stop_bands_that_leave_nothing_are_an_error():
-    with pytest.raises(ValueError, match=r"stop_bands \[\(0.0, 9.0\)\] cover all bins"):
-        BinTransformer(1, max_order=5, stop_bands=((0, 9),)).fit(np.ones((1, 6)))
-
-
 def test_a_table_without_an_axis_runs_evenly_up_to_the_highest_order():
     bins = BinTransformer(1, max_order=50)
     power = bins.fit_transform(np.ones((1, 401)))
@@ -257,12 +250,6 @@ def test_a_table_without_an_axis_runs_evenly_up_to_the_highest_order():
 def test_a_table_without_an_axis_may_be_told_its_step():
     power = BinTransformer(1, max_order=2, order_step=0.25).fit_transform(np.ones((1, 41)))
     np.testing.assert_allclose(power, [[1, 1]], rtol=1e-12)
-
-
-def test_orders_the_spectrum_does_not_hold_are_an_error():
-    message = r"the bin 49-50 reaches beyond the spectrum, whose orders are 0 to 49.9.*theta_s"
-    with pytest.raises(ValueError, match=message):
-        BinTransformer().fit(table(np.arange(500) / 10, np.ones(500)))
 
 
 @pytest.mark.parametrize("window", ["hann", "boxcar", "flattop"])
@@ -280,40 +267,6 @@ def test_bins_of_a_recording_add_up_to_its_mean_square(window):
 
 
 # Errors
-
-
-@pytest.mark.parametrize(
-    ("options", "error", "message"),
-    [
-        ({"bin_size": 0}, ValueError, "bin_size must be a number of orders, above 0, got 0"),
-        ({"bin_size": "wide"}, TypeError, "bin_size must be a number.*got 'wide'"),
-        ({"bin_size": 1e-8}, ValueError, r"bin_size = 1e-08 would make 5e\+09 bins"),
-        ({"max_order": -1}, ValueError, "max_order must be a number of orders, above 0, got -1"),
-        ({"edges": [1]}, ValueError, "edges must be a list of at least 2"),
-        ({"edges": [0, 2, 1]}, ValueError, "1 is at position 2"),
-        ({"edges": [-1, 1]}, ValueError, "edges must be at least 0"),
-        ({"edges": {}}, ValueError, "edges must name at least one band"),
-        ({"edges": {1: (0, 1)}}, TypeError, "named by strings, got 1"),
-        ({"edges": {"a": (2, 1)}}, ValueError, "band 'a' of edges must run from a lower"),
-        ({"edges": {"a": 3}}, TypeError, r"band 'a' of edges must be a pair"),
-        ({"stop_bands": (5.6, 6.4)}, TypeError, r"Write one band as \(\(low, high\),\)"),
-        ({"stop_bands": "5-6"}, TypeError, "sequence of .low, high. pairs, got '5-6'"),
-        ({"stop_bands": ((6, 5),)}, ValueError, "stop band 0 must run from a lower"),
-        ({"stop_bands": ((5, 6, 7),)}, TypeError, "stop band 0 must be a pair"),
-        ({"order_step": 0}, ValueError, "order_step must be a number of orders, above 0"),
-        ({"order_step": 0.2}, ValueError, "order_step = 0.2 contradicts .*'current'.* 0.5 apart"),
-    ],
-)
-def test_what_makes_no_bins_is_refused(options, error, message):
-    with pytest.raises(error, match=message):
-        BinTransformer(**options).fit(table(np.arange(0, 50.5, 0.5), np.ones(101)))
-
-
-def renamed(table, dtype):
-    """Return an order table of another type, its columns named again by hand."""
-    changed = table.astype(dtype)
-    changed.columns = table.columns
-    return changed
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
@@ -363,9 +316,3 @@ def test_an_array_of_an_order_table_that_has_lost_its_orders_is_refused(lost):
     with pytest.raises(ValueError, match=message):
         BinTransformer(1, max_order=2).fit(lost(spectrum))
     assert BinTransformer(1, max_order=2, order_step=0.5).fit(lost(spectrum)).bins_[0] == (0, 1)
-
-
-@pytest.mark.parametrize("names", [["a@0", "a@1", "a@1"], ["x", "x", "y"]])
-def test_columns_of_one_name_are_refused(names):
-    with pytest.raises(ValueError, match="X has columns of the same name"):
-        BinTransformer(max_order=1).fit(pd.DataFrame(np.ones((2, 3)), columns=names))
