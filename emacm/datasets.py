@@ -10,14 +10,15 @@ from zipfile import BadZipFile
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.spatial.distance import pdist
+from scipy.spatial.distance import pdist, squareform
 
 from emacm.recordings.recording import Recording
 from emacm.shaft.angle import angle_from_position
 
-_SIGNALS = ("set_point", "position_error", "current")
-_LABELS = ("state", "load_kgf", "run", "group")
+# Arrays of a file, of no, one and two dimensions: sequences, and times.
 _CONSTANTS = ("fs", "lead_mm")
+_LABELS = ("state", "load_kgf", "run", "group")
+_SIGNALS = ("current", "position_error", "set_point")
 
 
 class CranfieldRecordings(NamedTuple):
@@ -73,31 +74,21 @@ def load_cranfield(path: str | Path) -> CranfieldRecordings:
     """
     arrays = _read_arrays(Path(path))
     kept = _without_copies(arrays)
-    labels = arrays["state"][kept].astype(str)
-    frame = pd.DataFrame(
-        {
-            "load": arrays["load_kgf"][kept],
-            "run": arrays["run"][kept],
-            "group": arrays["group"][kept],
-        }
-    )
+    frame = pd.DataFrame({name.removesuffix("_kgf"): arrays[name][kept] for name in _LABELS})
+    frame["state"] = frame["state"].astype(str)
+    positions = arrays["set_point"] - arrays["position_error"]
+    fs, lead = (float(arrays[name].squeeze()) for name in _CONSTANTS)
     recordings = [
-        _recording(
-            arrays, index, {"state": str(label), **dict(zip(frame.columns, row, strict=True))}
+        Recording(
+            {name: arrays[name][index] for name in _SIGNALS[:2]},
+            fs,
+            angle=angle_from_position(positions[index], lead),
+            meta=meta,
         )
-        for index, label, row in zip(kept, labels, frame.to_numpy().tolist(), strict=True)
+        for index, meta in zip(kept, frame.to_dict("records"), strict=True)
     ]
+    labels = frame.pop("state").to_numpy(str)
     return CranfieldRecordings(recordings, labels, frame)
-
-
-def _recording(arrays: dict[str, NDArray[Any]], index: int, meta: dict[str, Any]) -> Recording:
-    position = arrays["set_point"][index] - arrays["position_error"][index]
-    return Recording(
-        {name: arrays[name][index] for name in ("current", "position_error")},
-        float(arrays["fs"].ravel()[0]),
-        angle=angle_from_position(position, float(arrays["lead_mm"].ravel()[0])),
-        meta=meta,
-    )
 
 
 def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
@@ -119,22 +110,26 @@ def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
             f"{', '.join(expected)}."
         )
     shape = arrays["current"].shape
-    for name in expected:
-        array, is_text = arrays[name], name == "state"
-        if array.dtype.kind not in ("US" if is_text else "fiu") or not (
-            is_text or np.isfinite(array).all()
-        ):
-            what = "text" if is_text else "finite real numbers"
-            raise ValueError(f"{name} of {path.name} must be {what}, got dtype {array.dtype}.")
-        wanted = shape if name in _SIGNALS else shape[:1]
-        if name in _CONSTANTS:
-            array, wanted = array.squeeze(), ()
-        if array.shape != wanted:
-            raise ValueError(
-                f"{name} of {path.name} must have shape {wanted}, got {array.shape}: "
-                f"signals (n_sequences, n_times), labels (n_sequences,), constants ()."
-            )
+    for n_dimensions, names in enumerate((_CONSTANTS, _LABELS, _SIGNALS)):
+        for name in names:
+            _check_array(arrays[name], f"{name} of {path.name}", shape[:n_dimensions])
     return arrays
+
+
+def _check_array(array: NDArray[Any], name: str, shape: tuple[int, ...]) -> None:
+    """Raise a ValueError if it has another shape, or another kind of values."""
+    if name.startswith("state"):
+        valid, what = array.dtype.kind in "US", "text"
+    else:
+        valid, what = array.dtype.kind in "fiu", "finite real numbers"
+        valid = valid and bool(np.isfinite(array).all())
+    if not valid:
+        raise ValueError(f"{name} must be {what}, got dtype {array.dtype}.")
+    if array.shape != shape and array.squeeze().shape != shape:
+        raise ValueError(
+            f"{name} must have shape {shape}, got {array.shape}: signals (n_sequences, n_times), "
+            f"labels (n_sequences,), constants ()."
+        )
 
 
 def _without_copies(arrays: dict[str, NDArray[Any]], same: float = 1e-5) -> NDArray[np.intp]:
@@ -144,19 +139,16 @@ def _without_copies(arrays: dict[str, NDArray[Any]], same: float = 1e-5) -> NDAr
     """
     current, run = arrays["current"], arrays["run"]
     by_run = np.argsort(run, kind="stable")
-    close = np.flatnonzero(pdist(current[by_run], "chebyshev") <= same)
-    if not len(close):
-        return np.arange(len(run))
-    first, later = (by_run[place[close]] for place in np.triu_indices(len(run), k=1))
-    copies = sorted(
-        {
+    close = squareform(pdist(current[by_run], "chebyshev") <= same)
+    first, later = by_run[np.array(np.nonzero(np.triu(close)))]
+    if len(later):
+        copies = {
             f"{arrays['state'][j]} at {arrays['load_kgf'][j]} kgf, run {run[j]} = run {run[i]}"
             for i, j in zip(first, later, strict=True)
         }
-    )
-    warnings.warn(
-        f"{len(set(later))} sequences are in the file twice and were left out: "
-        f"{'; '.join(copies)}.",
-        stacklevel=3,
-    )
+        warnings.warn(
+            f"{len(set(later))} sequences are in the file twice and were left out: "
+            f"{'; '.join(sorted(copies))}.",
+            stacklevel=3,
+        )
     return np.setdiff1d(np.arange(len(run)), later)

@@ -21,6 +21,7 @@ from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
+from emacm.decisions.families import family_costs
 from emacm.decisions.metrics import expected_cost, neg_expected_cost
 from emacm.displays import DecisionRegionsDisplay, OrderSpectrumDisplay
 from emacm.displays._drawing import offscreen_panels
@@ -77,16 +78,18 @@ def simulated_demo(out: Path, *, n_jobs: int | None = None) -> None:
 
     others, truths, _ = simulate_fleet(8, 3, severity=_SEVERITY, seed=1, first_unit=8)
     print("\nTest: 24 further actuators, 3 runs each")
-    models = {missed: _with_cost(model, missed) for missed in MISSED}
-    for missed, priced in models.items():
-        print_decisions(truths, priced.predict(others), cost_matrix(classes, missed), HEALTHY)
+    models = {}
+    for missed in MISSED:  # costs are applied in `predict`
+        cost = cost_matrix(classes, missed)
+        models[missed] = copy.deepcopy(model).set_params(costsensitivegaussianbayes__cost=cost)
+        print_decisions(truths, models[missed].predict(others), cost)
     print("\nThe higher the cost of a missed detection, the more units are inspected.")
     _print_unlike(models[MISSED[0]], others[0])
     _save_and_diagnose(models[MISSED[0]], out / "simulated.joblib", others[::6], truths[::6])
     _draw(models, recordings, states, out / "simulated.png")
 
 
-def cost_matrix(classes: ArrayLike, missed: float, healthy: str = HEALTHY) -> pd.DataFrame:
+def cost_matrix(classes: ArrayLike, missed: float) -> pd.DataFrame:
     """Return costs relative to a false alarm; rows are decisions, columns are true states.
 
     Examples
@@ -98,96 +101,70 @@ def cost_matrix(classes: ArrayLike, missed: float, healthy: str = HEALTHY) -> pd
     inspect      0.5   0.5
     unknown      1.0   1.0
     """
-    names = np.asarray(classes)
-    cost = pd.DataFrame(1 - np.eye(len(names)), index=names, columns=names)
-    cost.loc[healthy, names != healthy] = missed
-    cost.loc[INSPECT] = INSPECTION
-    cost.loc[UNKNOWN] = 1.0  # a unit that is called unknown is taken out of service in vain
-    return cost
+    states = {name: [name] for name in np.asarray(classes).tolist()}
+    others = {INSPECT: INSPECTION, UNKNOWN: 1.0}  # unknown: taken out of service in vain
+    return family_costs(states, other_decisions=others, healthy=HEALTHY, missed=missed)
 
 
-def priors(classes: ArrayLike, healthy: str = HEALTHY) -> dict[str, float]:
+def priors(classes: ArrayLike) -> dict[str, float]:
     """Return the prior probability of each class: faults are rare, and equally frequent."""
     names = np.asarray(classes).tolist()
     fault = (1 - P_HEALTHY) / (len(names) - 1)
-    return {name: P_HEALTHY if name == healthy else fault for name in names}
+    return dict.fromkeys(names, fault) | {HEALTHY: P_HEALTHY}
 
 
-def rates(truths: Labels, decisions: Labels, healthy: str = HEALTHY) -> dict[str, tuple[int, int]]:
-    """Count false alarms, inspections and missed detections: number, and of how many.
+def print_decisions(truths: Labels, decisions: Labels, cost: pd.DataFrame) -> None:
+    """Print the cost matrix, the confusion table, the three rates and the mean cost.
 
     A healthy unit whose state is called unknown is inspected, and counts as such.
-
-    Examples
-    --------
-    >>> truths = np.array(["healthy", "healthy", "healthy", "worn", "worn"])
-    >>> rates(truths, np.array(["healthy", "inspect", "worn", "healthy", "worn"]))
-    {'false alarm': (1, 3), 'inspection': (1, 3), 'missed detection': (1, 2)}
     """
-    is_healthy, called_healthy = truths == healthy, decisions == healthy
-    inspected = np.isin(decisions, (INSPECT, UNKNOWN))
-    n_healthy, n_faulty = int(is_healthy.sum()), int((~is_healthy).sum())
-    return {
-        "false alarm": (int((is_healthy & ~called_healthy & ~inspected).sum()), n_healthy),
-        "inspection": (int((is_healthy & inspected).sum()), n_healthy),
-        "missed detection": (int((~is_healthy & called_healthy).sum()), n_faulty),
-    }
-
-
-def print_decisions(truths: Labels, decisions: Labels, cost: pd.DataFrame, healthy: str) -> None:
-    """Print the cost matrix, the confusion table, the three rates and the mean cost."""
-    faulty = next(name for name in cost.columns if name != healthy)
-    print(f"\nCosts: missed detection {cost.loc[healthy, faulty]:g}, ", end="")
-    print(f"false alarm {cost.loc[faulty, healthy]:g}, inspection {INSPECTION:g}; ", end="")
-    print(f"probability of {healthy}: {P_HEALTHY:g}")
+    faults = cost.columns.drop(HEALTHY)
+    print(f"\nCosts: missed detection {cost.loc[HEALTHY, faults[0]]:g}, ", end="")
+    print(f"false alarm {cost.loc[faults[0], HEALTHY]:g}, inspection {INSPECTION:g}; ", end="")
+    print(f"probability of {HEALTHY}: {P_HEALTHY:g}")
     table = pd.crosstab(pd.Series(decisions), pd.Series(truths))
     table = table.reindex(index=cost.index, columns=cost.columns, fill_value=0)
-    table.index = pd.Index([f"decision: {name}" for name in table.index])
-    print(table.add_prefix("true: ").to_string())
-    counts = rates(truths, decisions, healthy)
-    for name, (count, total) in counts.items():
-        kind = "faulty" if name == "missed detection" else healthy
-        rate = f"{100 * count / total:.0f} %" if total else "no recordings"
-        print(f"{name} rate: {rate} ({count} of {total} {kind} recordings)")
+    named = table.set_axis([f"decision: {name}" for name in table.index])
+    print(named.add_prefix("true: ").to_string())
+    rates = []
+    for name, made, true in (
+        ("false alarm", faults, [HEALTHY]),
+        ("inspection", [INSPECT, UNKNOWN], [HEALTHY]),
+        ("missed detection", [HEALTHY], faults),
+    ):
+        count, total = table.loc[made, true].to_numpy().sum(), table[true].to_numpy().sum()
+        kind = "faulty" if true is faults else HEALTHY
+        print(f"{name} rate: {100 * count / total:.0f} % ({count} of {total} {kind} recordings)")
+        rates.append(count / total)
     print(f"mean cost per recording: {expected_cost(truths, decisions, cost=cost):.3f}")
-    if all(total for _, total in counts.values()):
-        alarms, inspections, missed = (count / total for count, total in counts.values())
-        print(
-            f"in service, of 1000 recordings, {1000 * P_HEALTHY:.0f} of them {healthy}: "
-            f"{1000 * P_HEALTHY * alarms:.0f} false alarms, "
-            f"{1000 * P_HEALTHY * inspections:.0f} needless inspections, "
-            f"{1000 * (1 - P_HEALTHY) * missed:.0f} missed detections"
-        )
-        if inspections > 0.5:
-            print(f"This model sends most {healthy} units to inspection.")
+    print(
+        f"in service, of 1000 recordings, {1000 * P_HEALTHY:.0f} of them {HEALTHY}: "
+        f"{1000 * P_HEALTHY * rates[0]:.0f} false alarms, "
+        f"{1000 * P_HEALTHY * rates[1]:.0f} needless inspections, "
+        f"{1000 * (1 - P_HEALTHY) * rates[2]:.0f} missed detections"
+    )
+    if rates[1] > 0.5:
+        print(f"This model sends most {HEALTHY} units to inspection.")
 
 
 def _print_unlike(model: Pipeline, recording: Recording) -> None:
     """Print decisions on a recording with wrong inputs, and what is unlike the training."""
     print("\nThe first of these recordings with wrong inputs, which no training recording has:")
-    shaft: dict[str, Any] = {"angle": recording.angle, "shaft_fs": recording.shaft_fs}
-    signals, rates = dict(recording.signals), dict(recording.fs)
-    current, sound = _CHANNELS
-    in_mv = {name: 1000 * values for name, values in signals.items()}
-    swapped = signals | {current: signals[sound], sound: signals[current]}
-    turned = shaft | {"angle": recording.angle * 60 / (2 * np.pi)}
+    angle, (current, sound) = recording.angle, (recording.signals[name] for name in _CHANNELS)
+    rates = {name: recording.fs[name] for name in _CHANNELS}
     wrong = {
-        "gain of 1000": Recording(in_mv, rates, **shaft),
-        "channels swapped": Recording(swapped, rates, **shaft),
-        "speed in rpm": Recording(signals, rates, **turned),
+        "gain of 1000": (1000 * current, 1000 * sound, angle),
+        "channels swapped": (sound, current, angle),
+        "speed in rpm": (current, sound, angle * 60 / (2 * np.pi)),
     }
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # the same statements
-        for name, changed in wrong.items():
+        for name, (*signals, turned) in wrong.items():
+            channels = dict(zip(_CHANNELS, signals, strict=True))
+            changed = Recording(channels, rates, angle=turned, shaft_fs=recording.shaft_fs)
             print(f"{name}: decision {str(model.predict([changed])[0])!r}")
             for statement in outside_training(model, [changed])[0]:
                 print(f"    {statement}")
-
-
-def _with_cost(model: Pipeline, missed: float) -> Pipeline:
-    """Return a copy of a fitted pipeline with another cost matrix: it is applied in `predict`."""
-    cost = cost_matrix(model.classes_, missed)
-    return copy.deepcopy(model).set_params(costsensitivegaussianbayes__cost=cost)
 
 
 def _search(
@@ -204,17 +181,14 @@ def _search(
         "orderpsd__revolutions": [4, 8],
         "bintransformer__bin_size": [0.5, 1.0, 2.0],
     }
-    split = GroupKFold(4)
-    n_fits = len(ParameterGrid(grid)) * split.get_n_splits()
-    print(f"search: {n_fits} fits", file=sys.stderr, flush=True)
+    print(f"search: {len(ParameterGrid(grid)) * 4} fits", file=sys.stderr, flush=True)
     with (
         tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
         joblib.parallel_config("threading"),  # an interruption ends threads
     ):
         cached = clone(pipeline).set_params(orderpsd__memory=folder)
-        search = GridSearchCV(
-            cached, grid, cv=split, scoring=neg_expected_cost, n_jobs=n_jobs, error_score="raise"
-        )
+        scoring = {"scoring": neg_expected_cost, "error_score": "raise"}
+        search = GridSearchCV(cached, grid, cv=GroupKFold(4), n_jobs=n_jobs, **scoring)
         left_out = {"bintransformer__groups": units, "costsensitivegaussianbayes__groups": units}
         search.fit(recordings, labels, groups=units, **left_out)
     best = search.best_params_
@@ -236,14 +210,11 @@ def _save_and_diagnose(
     loaded = joblib.load(file)
     print(f"\nModel saved as {file}, loaded again, and applied to recordings of the test set:")
     features, classifier = loaded[:-1].transform(unseen), loaded[-1]
+    probabilities, risks = classifier.predict_proba(features), classifier.risk(features)
     tables = {
         "": pd.DataFrame({"true": truths, "decision": classifier.predict(features)}),
-        "probability of": pd.DataFrame(
-            classifier.predict_proba(features), columns=classifier.classes_
-        ),
-        "expected cost of deciding": pd.DataFrame(
-            classifier.risk(features), columns=classifier.decisions_
-        ),
+        "probability of": pd.DataFrame(probabilities, columns=classifier.classes_),
+        "expected cost of deciding": pd.DataFrame(risks, columns=classifier.decisions_),
     }
     print(pd.concat(tables, axis=1).round(3).to_string(index=False))
 
@@ -256,22 +227,14 @@ def _draw(
     model = models[MISSED[0]]
     psd = model[:2].transform(recordings)
     (screw,), (ring,) = FAULT_ORDERS["screw"], FAULT_ORDERS["inner ring"]
+    top = model[2].max_order
     marks = {  # Eq. (2.4): in the current, a fault modulates the supply at order 6
         "current_a": {"screw-6": screw - 6, "6+BPFI": 6 + ring, "6+screw": 6 + screw},
-        "accelerometer": fault_orders(
-            {"screw": screw, "BPFI": ring}, harmonics=3, max_order=model[2].max_order
-        ),
+        "accelerometer": fault_orders({"screw": screw, "BPFI": ring}, harmonics=3, max_order=top),
     }
     for ax, (channel, unit) in zip(spectra, _CHANNELS.items(), strict=True):
-        OrderSpectrumDisplay.from_table(
-            psd,
-            channel,
-            labels=labels,
-            unit=unit,
-            max_order=model[2].max_order,
-            fault_orders=marks[channel],
-            ax=ax,
-        )
+        style = {"unit": unit, "max_order": top, "fault_orders": marks[channel]}
+        OrderSpectrumDisplay.from_table(psd, channel, labels=labels, ax=ax, **style)
     names = ("principal component 1", "principal component 2")
     plane = model[:-1].transform(recordings)
     for ax, (missed, priced) in zip(regions, models.items(), strict=True):

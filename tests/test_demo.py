@@ -38,13 +38,13 @@ def parsed_decisions(text):
     return found
 
 
-def assert_printed(printed, truths, decisions, missed, healthy):
+def assert_printed(printed, truths, decisions, missed):
     """Compare with scikit-learn's confusion matrix, whose rows are the truth."""
     names, rows = printed["truths"], list(printed["table"])
     assert rows == [*names, "inspect", "unknown"]
     expected = confusion_matrix(truths, decisions, labels=rows)[: len(names)].T
     assert [printed["table"][name] for name in rows] == expected.tolist()
-    h = names.index(healthy)
+    h = names.index("healthy")
     others = [k for k in range(len(names)) if k != h]
     assert printed["rates"] == {
         "false alarm": (expected[others, h].sum(), expected[:, h].sum()),
@@ -60,34 +60,32 @@ def assert_printed(printed, truths, decisions, missed, healthy):
 
 
 def test_printed_figures_are_those_of_the_decisions(capsys):
-    truths = np.repeat(["worn", "sound", "split"], [7, 5, 4])
+    truths = np.repeat(["worn", "healthy", "split"], [7, 5, 4])
     decisions = np.array(
-        ["sound"] * 2 + ["worn"] * 3 + ["split", "inspect"]
-        + ["sound"] * 2 + ["worn", "inspect", "inspect"]
-        + ["split", "split", "split", "sound"]
+        ["healthy"] * 2 + ["worn"] * 3 + ["split", "inspect"]
+        + ["healthy"] * 2 + ["worn", "inspect", "inspect"]
+        + ["split", "split", "split", "healthy"]
     )  # fmt: skip
-    cost = demo.cost_matrix(["split", "sound", "worn"], 7, "sound")
-    demo.print_decisions(truths, decisions, cost, "sound")
+    cost = demo.cost_matrix(["split", "healthy", "worn"], 7)
+    demo.print_decisions(truths, decisions, cost)
     (printed,) = parsed_decisions(capsys.readouterr().out)
     assert printed["rates"] == {
         "false alarm": (1, 5), "inspection": (2, 5), "missed detection": (3, 11)
     }  # fmt: skip
-    assert_printed(printed, truths, decisions, 7.0, "sound")
+    assert_printed(printed, truths, decisions, 7.0)
 
 
 def test_figures_in_service_are_weighted_to_realistic_priors(capsys):
-    truths = np.repeat(["sound", "worn"], [10, 5])
+    truths = np.repeat(["healthy", "worn"], [10, 5])
     decisions = np.array(
-        ["sound"] * 2 + ["worn"] + ["inspect"] * 5 + ["unknown"] * 2 + ["worn"] * 4 + ["sound"]
+        ["healthy"] * 2 + ["worn"] + ["inspect"] * 5 + ["unknown"] * 2 + ["worn"] * 4 + ["healthy"]
     )
-    demo.print_decisions(
-        truths, decisions, demo.cost_matrix(["sound", "worn"], 9, "sound"), "sound"
-    )
+    demo.print_decisions(truths, decisions, demo.cost_matrix(["healthy", "worn"], 9))
     printed = capsys.readouterr().out
     assert (
-        "in service, of 1000 recordings, 900 of them sound: 90 false alarms, "
+        "in service, of 1000 recordings, 900 of them healthy: 90 false alarms, "
         "630 needless inspections, 20 missed detections\n"
-        "This model sends most sound units to inspection.\n"
+        "This model sends most healthy units to inspection.\n"
     ) in printed
 
 
@@ -101,11 +99,11 @@ def test_wrong_inputs_are_stated(run):
 
 
 def test_a_missed_detection_is_the_expensive_error_and_priors_sum_to_one():
-    cost = demo.cost_matrix(["a", "b", "fine"], 30, "fine")
-    assert cost.loc["fine"].tolist() == [30, 30, 0]
-    assert cost["fine"].tolist() == [1, 1, 0, 0.5, 1]
-    assert demo.priors(["a", "b", "fine"], "fine") == pytest.approx(
-        {"a": 0.05, "b": 0.05, "fine": 0.9}
+    cost = demo.cost_matrix(["a", "b", "healthy"], 30)
+    assert cost.loc["healthy"].tolist() == [30, 30, 0]
+    assert cost["healthy"].tolist() == [1, 1, 0, 0.5, 1]
+    assert demo.priors(["a", "b", "healthy"]) == pytest.approx(
+        {"a": 0.05, "b": 0.05, "healthy": 0.9}
     )
 
 
@@ -122,9 +120,9 @@ def run(tmp_path_factory):
         kept["search"] = options
         return grid_search(*args, **options)
 
-    def printing(truths, decisions, cost, healthy):
+    def printing(truths, decisions, cost):
         kept["decided"].append((truths, decisions, cost))
-        print_decisions(truths, decisions, cost, healthy)
+        print_decisions(truths, decisions, cost)
 
     grid_search = demo.GridSearchCV
     print_decisions = demo.print_decisions
@@ -159,7 +157,7 @@ def test_the_demo_prints_the_decisions_of_its_models_under_both_cost_matrices(ru
         prices = np.column_stack([cost[classes], of_unknown])  # rows are decisions
         risk = np.hstack([posterior * (1 - unknown), unknown]) @ prices.T
         assert decisions.tolist() == cost.index.to_numpy()[risk.argmin(axis=1)].tolist()
-        assert_printed(figures, truths, decisions, missed, "healthy")
+        assert_printed(figures, truths, decisions, missed)
 
 
 @pytest.mark.slow
