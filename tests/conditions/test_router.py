@@ -25,7 +25,6 @@ from emacm import (
     PosteriorProduct,
     Recording,
     explain_decision,
-    explain_model,
     family_costs,
     neg_expected_cost,
 )
@@ -260,12 +259,6 @@ def test_a_router_is_explained_by_the_pipeline_of_the_condition(fleet):
     expected = explain_decision(router.estimators_[-40], X[0])
     for model in (router, make_pipeline(router)):
         pd.testing.assert_frame_equal(explain_decision(model, X[0]), expected)
-
-
-def test_recordings_of_several_conditions_are_not_explained_together(fleet):
-    X, y = fleet
-    with pytest.raises(ValueError, match="of several conditions, each with a pipeline of its own"):
-        explain_model(ConditionRouter(chain()).fit(X, y), X)
 
 
 def test_a_router_after_other_steps_says_how_to_explain_it():

@@ -2,15 +2,9 @@
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from emacm import CostSensitiveGaussianBayes
 from emacm.displays import FeatureDensityDisplay
-
-
-@pytest.fixture
-def ax():
-    return Figure().subplots()
 
 
 def two_classes(n_recordings=4000):

@@ -1,8 +1,6 @@
 """Order maps consist of the segments that Welch's method averages."""
 
 import numpy as np
-import pytest
-from matplotlib.figure import Figure
 
 from emacm import OrderPSD, OrderResampler, Recording
 from emacm.displays import OrderMapDisplay
@@ -10,11 +8,6 @@ from emacm.simulation.fleet import simulate_actuator
 
 TURN = 2 * np.pi
 FS = 2000
-
-
-@pytest.fixture
-def ax():
-    return Figure().subplots()
 
 
 def ramp(order=5.0):

@@ -1,19 +1,12 @@
 """Decision regions are the decisions of the classifier."""
 
 import numpy as np
-import pytest
 from matplotlib.colors import to_hex
-from matplotlib.figure import Figure
 from matplotlib.path import Path
 
 from emacm import CostSensitiveGaussianBayes
 from emacm.displays import DecisionRegionsDisplay
 from emacm.displays._drawing import tint
-
-
-@pytest.fixture
-def ax():
-    return Figure().subplots()
 
 
 def test_regions_are_what_the_classifier_decides(ax):

@@ -11,11 +11,6 @@ from emacm.orders.columns import OrderTable, order_columns
 from emacm.simulation.fleet import simulate_actuator
 
 
-@pytest.fixture
-def ax():
-    return Figure().subplots()
-
-
 def spectra():
     orders = np.arange(9) / 4
     values = np.array([[1.0], [3.0], [10.0]]) * np.ones((3, 18))

@@ -3,7 +3,6 @@
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.figure import Figure
 from sklearn.metrics import roc_auc_score
 
 from emacm import CostSensitiveGaussianBayes
@@ -17,11 +16,6 @@ TABLE = pd.DataFrame(
         "is_unknown": [False, False, False, False, True, True, False, True, True],
     }
 )
-
-
-@pytest.fixture
-def ax():
-    return Figure().subplots()
 
 
 def curves(ax):
