@@ -186,7 +186,7 @@ class EvaluationDisplay(Display):
         self.figures = [name for name in RATES if name in self.table]
         rows, classes = (
             sorted(names, key=lambda name: str(name) != str(self.healthy))
-            for names in (self.confusion.index, self.confusion.columns)
+            for names in self.confusion.axes
         )
         self.confusion = self.confusion.loc[rows, classes]
 
