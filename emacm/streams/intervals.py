@@ -9,6 +9,7 @@ import numpy as np
 
 from emacm.streams.packed_state import Resumable
 from emacm.streams.shaft_stream import HeldRows, Samples
+from emacm.streams.spectrum_stream import Settings
 
 
 class IntervalCutter(Resumable):
@@ -16,22 +17,16 @@ class IntervalCutter(Resumable):
 
     Parameters
     ----------
-    rates : sequence of float
-        Sampling rates of groups of channels, and last that of the shaft reference [Hz].
+    settings : Settings
+        Rates and channels, and motion of the shaft.
     slowest : float
         Lowest rate of a recording of these signals [Hz].
-    n_rows : sequence of int
-        Channels in each group; 1 for the shaft.
     every : float
         Length of an interval [s or revolutions]; inf for a single one.
     in_seconds : bool
         Which of the two.
-    turn : float
-        Angle of the measured shaft in one revolution of the shaft of interest [rad].
     reference : {"velocity", "angle"}
         What is measured of the shaft.
-    min_speed : float
-        Speed up to which the shaft counts as standing still [rad/s].
     rounding : float
         Samples, by which a time in seconds may miss a sample.
 
@@ -47,24 +42,20 @@ class IntervalCutter(Resumable):
 
     def __init__(
         self,
-        rates: Sequence[float],
+        settings: Settings,
         slowest: float,
-        n_rows: Sequence[int],
         every: float,
         in_seconds: bool,
-        turn: float,
         reference: str,
-        min_speed: float,
         rounding: float = 1e-6,
     ) -> None:
-        self._rates, self._slowest = rates, slowest
+        self._settings, self._rates, self._slowest = settings, settings.rates, slowest
         self._every, self._in_seconds = every, in_seconds
-        self._turn, self._reference, self._min_speed = turn, reference, min_speed
-        self._rounding = rounding
+        self._reference, self._rounding = reference, rounding
         # Samples at the end of an interval that the next one may begin with.
-        self._shared = 2 if every < np.inf and len({*rates, slowest}) > 1 else 0
-        self._rows = [HeldRows(n) for n in n_rows]
-        self._given = [0] * len(rates)  # samples that were given out, or belong to no interval
+        self._shared = 2 if every < np.inf and len({*settings.rates, slowest}) > 1 else 0
+        self._rows = [HeldRows(n) for n in [*map(len, settings.groups.values()), 1]]
+        self._given = [0] * len(self._rows)  # samples that were given out, or belong to no interval
         self._examined = 0  # the last sample of the shaft up to which its angle is known
         self._number = 0
         self._turned = 0.0  # angle of the shaft in the interval [rad]
@@ -133,7 +124,8 @@ class IntervalCutter(Resumable):
         """Find the sample of the shaft at which the interval has its revolutions."""
         (shaft,) = self._rows[-1].between(self._examined, self._rows[-1].length)
         steps = self._steps(shaft)
-        limit = self._every * self._turn * (1 - 1e-12)  # beyond the rounding of the sum
+        turn = 2 * np.pi / self._settings.ratio  # of the measured shaft
+        limit = self._every * turn * (1 - 1e-12)  # beyond the rounding of the sum
         used, turned = len(steps), self._turned + float(steps.sum())
         if turned >= limit:
             before = int(np.searchsorted(self._turned + np.cumsum(steps), limit))
@@ -146,6 +138,6 @@ class IntervalCutter(Resumable):
         """Return the angles between successive samples, 0 at standstill [rad]."""
         if self._reference == "angle":
             steps = np.abs(np.diff(shaft))
-            return steps * (steps * self._rates[-1] > self._min_speed)
+            return steps * (steps * self._rates[-1] > self._settings.min_speed)
         steps = np.abs(shaft[1:] + shaft[:-1]) * (0.5 / self._rates[-1])
-        return steps * (np.abs(shaft[1:]) > self._min_speed)
+        return steps * (np.abs(shaft[1:]) > self._settings.min_speed)

@@ -34,12 +34,8 @@ class StreamInput(Resumable):
     ----------
     channels, names : sequence of str
         Names of the channels of the stream, and of those that are needed.
-    groups : mapping of float to sequence of int
-        Sampling rates [Hz], each with the channels of `names` that have it.
-    shaft_fs : float
-        That of the shaft reference [Hz].
-    max_speed : float
-        Highest speed of the shaft [rad/s].
+    settings : Settings
+        Rates and channels (of `names`), and highest speed of the shaft.
     wrapped : bool
         Whether angles are wrapped at 2π.
     """
@@ -50,13 +46,11 @@ class StreamInput(Resumable):
         self,
         channels: Sequence[str],
         names: Sequence[str],
-        groups: Mapping[float, Sequence[int]],
-        shaft_fs: float,
-        max_speed: float,
+        settings: Settings,
         wrapped: bool,
     ) -> None:
-        self._channels, self._names, self._groups = channels, names, groups
-        self._shaft_fs, self._max_speed, self._wrapped = shaft_fs, max_speed, wrapped
+        self._channels, self._names = channels, names
+        self._settings, self._wrapped = settings, wrapped
         self.reset()
 
     def reset(self) -> None:
@@ -84,7 +78,7 @@ class StreamInput(Resumable):
         """
         rows = self._rows(signals)
         streams = []
-        for (rate, group), time in zip(self._groups.items(), times, strict=False):
+        for (rate, group), time in zip(self._settings.groups.items(), times, strict=False):
             names = [self._names[k] for k in group]
             taken = [_samples(rows[name], f"channel {name!r}", rate, time) for name in names]
             lengths = [len(row) for row in taken]
@@ -95,7 +89,7 @@ class StreamInput(Resumable):
                     f"{lengths[0]} and {lengths[k]} of {names[k]!r}."
                 )
             streams.append(np.array(taken))
-        motion = _samples(shaft, reference, self._shaft_fs, times[-1])
+        motion = _samples(shaft, reference, self._settings.shaft_fs, times[-1])
         if reference == "velocity":
             self._check_speed(motion, times[-1])
         elif len(motion):
@@ -115,14 +109,16 @@ class StreamInput(Resumable):
         return dict(zip(self._channels, rows, strict=True))
 
     def _check_speed(self, speed: Samples, time: float) -> None:
-        if not len(speed) or max(speed.max(), -speed.min()) <= self._max_speed:
+        limit = self._settings.max_speed
+        if not len(speed) or max(speed.max(), -speed.min()) <= limit:
             return
         speed = np.abs(speed)
-        place = int(np.argmax(speed > self._max_speed))
+        place = int(np.argmax(speed > limit))
+        time += place / self._settings.shaft_fs
         raise ValueError(
-            f"the shaft turns at {speed[place]:.6g} rad/s at {time + place / self._shaft_fs:.6f} "
-            f"s, above max_speed = {self._max_speed:g} rad/s. {_ON} Raise max_speed if the speed "
-            f"is real; an angle that is wrapped at 2 pi needs wrapped=True."
+            f"the shaft turns at {speed[place]:.6g} rad/s at {time:.6f} s, above max_speed = "
+            f"{limit:g} rad/s. {_ON} Raise max_speed if the speed is real; an angle that is "
+            f"wrapped at 2 pi needs wrapped=True."
         )
 
     def _continued(self, measured: Samples, time: float) -> Samples:
@@ -131,7 +127,7 @@ class StreamInput(Resumable):
         added = np.zeros(len(steps))
         if self._wrapped:
             added = np.rint(steps / (-2 * np.pi))
-        self._check_speed((steps + 2 * np.pi * added) * self._shaft_fs, time)
+        self._check_speed((steps + 2 * np.pi * added) * self._settings.shaft_fs, time)
         turns = self._turns + np.cumsum(added)
         self._last, self._turns = measured[-1:], int(turns[-1])
         return measured + 2 * np.pi * turns
@@ -253,17 +249,10 @@ class OrderMonitor:
         self._groups = {  # channels of one rate are held together
             rate: [k for k, other in enumerate(rates) if other == rate] for rate in rates
         }
-        self._all_rates = [*self._groups, self._shaft_fs]
-        self._input = StreamInput(
-            self._channels,
-            self._names,
-            self._groups,
-            self._shaft_fs,
-            self._max_speed,
-            check_choice(wrapped, "wrapped", (True, False)),
-        )
         self._alarms = ReadingAlarms(self._model, alarms)
         self._begin("", 0.0)
+        wrapped = check_choice(wrapped, "wrapped", (True, False))
+        self._input = StreamInput(self._channels, self._names, self._settings, wrapped)
 
     @property
     def time(self) -> float:
@@ -331,7 +320,9 @@ class OrderMonitor:
         if not self._reference:
             return []
         labels = [f"channel {self._names[group[0]]!r}" for group in self._groups.values()]
-        counts = zip([*labels, "the shaft"], self._cutter.received, self._all_rates, strict=True)
+        counts = zip(
+            [*labels, "the shaft"], self._cutter.received, self._settings.rates, strict=True
+        )
         check_durations({name: (range(n), rate) for name, n, rate in counts})  # type: ignore[misc]
         self._stream.append(self._cutter.take(all_of_them=True))
         end = self.time
@@ -401,7 +392,7 @@ class OrderMonitor:
     def _times(self, origin: float | None = None) -> list[float]:
         """Return the time of the next sample of each group and of the shaft [s]."""
         origin = self._origin if origin is None else origin
-        received = zip(self._cutter.received, self._all_rates, strict=True)
+        received = zip(self._cutter.received, self._settings.rates, strict=True)
         return [origin + n / rate for n, rate in received]
 
     def _begin(self, reference: str, origin: float) -> None:
@@ -420,14 +411,11 @@ class OrderMonitor:
             self._model.psd.plan,
         )
         self._cutter = IntervalCutter(
-            self._all_rates,
+            self._settings,
             min(*self._rates.values(), self._shaft_fs),
-            [*map(len, self._groups.values()), 1],
             self._every,
             self._unit == "s",
-            2 * np.pi / self._settings.ratio,
             reference,
-            self._settings.min_speed,
         )
         self._stream = SpectrumStream(self._settings, reference)
 
@@ -479,7 +467,7 @@ class OrderMonitor:
         start = check_number(time, "time", unit="s")
         if not self._reference:
             return start
-        if abs(start - self.time) > 1 / min(self._all_rates):
+        if abs(start - self.time) > 1 / min(self._settings.rates):
             raise ValueError(
                 f"the stream goes on at {self.time:.9g} s, and these samples begin at "
                 f"{start:.9g} s. Call flush() for the reading up to the gap (or overlap); the next "

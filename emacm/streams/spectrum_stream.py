@@ -114,9 +114,10 @@ class Settings:
         """What to call the strokes whose spectra are separate."""
         return ("forward stroke", "reverse stroke") if self.plan.by_direction else ("stroke",)
 
-    def upsampling(self, fs: float, fastest: float) -> int:
-        """Return how much denser samples must be for a speed of the shaft of interest [rad/s]."""
-        return upsampling(fs, fastest, self.theta_s)
+    @property
+    def rates(self) -> list[float]:
+        """Sampling rates of the groups, and of the shaft reference [Hz]."""
+        return [*self.groups, self.shaft_fs]
 
 
 class StrokePowers(SectionCutter, Resumable):
@@ -146,7 +147,7 @@ class StrokePowers(SectionCutter, Resumable):
     def __init__(self, settings: Settings, group: int, factor: int) -> None:
         super().__init__(settings.plan.n_per_segment, settings.plan.step)
         self._plan, self.group, self.factor = settings.plan, group, factor
-        self.spreading = Spreading([*settings.groups][group], factor, settings.theta_s)
+        self.spreading = Spreading(settings.rates[group], factor, settings.theta_s)
         self.total: Any = 0.0
         self.count = 0
 
@@ -191,7 +192,7 @@ class SpectrumStream(Resumable):
         self._sums = np.zeros((*shape, settings.plan.n_orders))
         self._counts = np.zeros((*shape, 1))
         self._longest = np.zeros(len(settings.kinds), int)  # outputs
-        self._fastest = max(settings.shaft_fs, *settings.groups)
+        self._fastest = max(settings.rates)
         self.quality = StreamQuality(shape[0])
         self._due = settings.waiting  # samples at the fastest rate, at which some are processed
         self.n_held = 0
@@ -242,7 +243,7 @@ class SpectrumStream(Resumable):
         return {
             f"group {k}, factor {factor}": StrokePowers(settings, k, factor)
             for k, fs in enumerate(settings.groups)
-            for factor in range(1, settings.upsampling(fs, highest) + 1)
+            for factor in range(1, upsampling(fs, highest, settings.theta_s) + 1)
         }
 
     def _process(self, *, ended: bool) -> float:
@@ -256,8 +257,7 @@ class SpectrumStream(Resumable):
         for growing in self.shaft.strokes:
             if growing.powers:
                 self._advance(growing, ended=ended)
-        strokes = [s for s in self.shaft.strokes if s.powers or not s.complete]
-        self.shaft.strokes = strokes
+        self.shaft.strokes = [s for s in self.shaft.strokes if s.powers or not s.complete]
         return self._forget()
 
     def _advance(self, growing: GrowingStroke, *, ended: bool) -> None:
@@ -278,7 +278,7 @@ class SpectrumStream(Resumable):
                 f"{DESIGN.least_reversal:g} rad can be followed. Raise min_speed or set max_rest "
                 f"of OrderResampler, and reset."
             )
-        needed = [settings.upsampling(fs, path.fastest) for fs in settings.groups]
+        needed = [upsampling(fs, path.fastest, settings.theta_s) for fs in settings.groups]
         for name, each in list(powers.items()):
             if each.factor < needed[each.group] or (complete and each.factor > needed[each.group]):
                 del powers[name]

@@ -94,8 +94,11 @@ class ReadingAlarms(Resumable):
         row = {"decision": reading.decision, "typicality": reading.typicality, "error": error}
         reasons = self._input.reasons(row | {"outside_training": reading.alarms})
         found = ["; ".join(reasons)] if reasons else []
+        values: dict[str, Any] = {_COST: reading.expected_cost}
+        if reading.features is not None:
+            values |= dict(zip(self._features, reading.features, strict=False))
         for name, chart in zip(self.charts, self._charts, strict=True):
-            value = self._value(reading, name)
+            value = values.get(name)
             if value is None:
                 continue
             if not np.isfinite(value):  # such as the logarithm of a channel without power
@@ -105,11 +108,6 @@ class ReadingAlarms(Resumable):
             if alarm.any():
                 found.append(f"{type(chart).__name__} of {name}: {float(statistic[0, 0]):.3g}")
         return tuple(found)
-
-    def _value(self, reading: Reading, name: str) -> float | None:
-        if reading.features is None or name == _COST:
-            return reading.expected_cost
-        return float(reading.features[self._features.index(name)])
 
 
 _NO_RESULT = ("n_jobs", "memory", "verbose")  # parameters that change no result
@@ -236,18 +234,18 @@ class StreamedModel:
         probabilities, states = final.predict_proba(table), final.classes_
         if isinstance(final, LeastRiskMixin):
             probabilities, states = final.truth_proba(table, probabilities), final.truths_
-        typicality = None
+        typicality, risk = None, {}
         if hasattr(final, "typicality"):
             with suppress(ValueError):  # the model has no typicality
                 typicality = float(final.typicality(table)[0])
+        if hasattr(final, "risk"):
+            risk = _labelled(final.decisions_, final.risk(table)[0])
         (decision,) = np.asarray(final.predict(table)).tolist()
         return replace(
             reading,
             posterior=_labelled(states, probabilities[0]),
             decision=decision,
-            risk=_labelled(final.decisions_, final.risk(table)[0])
-            if hasattr(final, "risk")
-            else {},
+            risk=risk,
             typicality=typicality,
             alarms=(*alarms, *new_lines[0]),
             outside_training=texts or tuple(new_lines[0]),
@@ -255,9 +253,8 @@ class StreamedModel:
 
     def digest(self) -> str:
         """Return the digest of the parameters and the fitted values of all steps."""
-        arrays: list[NDArray[Any]] = []
         steps = [self.resampler, self.psd, *self._transformers, self.classifier]
-        return content_digest(repr([_facts(step, arrays) for step in steps]), arrays)
+        return content_digest(repr(_facts(steps)), [])
 
     def feature_names(self) -> list[str]:
         """Return the names of the features."""
@@ -304,20 +301,19 @@ def _labelled(labels: Any, values: Any) -> dict[Any, float]:
     return dict(zip(np.asarray(labels).tolist(), map(float, values), strict=True))
 
 
-def _facts(value: Any, arrays: list[NDArray[Any]]) -> Any:
-    """Return what a value consists of, equal for equal values; arrays are put into the list."""
+def _facts(value: Any) -> Any:
+    """Return what a value consists of, equal for equal values; digests for arrays."""
     if isinstance(value, bool | str | None):
         return value
     if isinstance(value, Number):
         return complex(value)  # type: ignore[call-overload]
     if isinstance(value, Mapping):
-        return sorted((repr(_facts(k, arrays)), _facts(v, arrays)) for k, v in value.items())
+        return sorted((repr(_facts(k)), _facts(v)) for k, v in value.items())
     if isinstance(value, list | tuple) or getattr(value, "dtype", None) == np.dtype(object):
-        return [_facts(item, arrays) for item in value]
+        return [_facts(item) for item in value]
     if isinstance(value, np.ndarray):
-        arrays.append(np.atleast_1d(value))
-        return len(arrays)
+        return content_digest("", [np.atleast_1d(value)])
     if hasattr(value, "__dict__") and not isinstance(value, type) and not callable(value):
         public = {n: v for n, v in vars(value).items() if n[0] != "_" and n not in _NO_RESULT}
-        return type(value).__name__, _facts(public, arrays)
+        return type(value).__name__, _facts(public)
     return getattr(value, "__qualname__", type(value).__name__)

@@ -204,11 +204,12 @@ def test_directions_may_be_separate():
     assert len(reading.features) % 6 == 0
 
 
-def test_blocks_of_single_samples_and_rows_of_an_array():
+def test_blocks_of_single_samples_and_rows_of_an_array_one_of_which_is_not_used():
     recording = recorded("reversing", RATES["one rate"], "velocity", duration=2.5)
     model = model_of(recording)
-    monitor = monitor_of(model, recording)
-    rows = np.stack(list(recording.signals.values()))
+    names = ["spare", *recording.channels]
+    monitor = OrderMonitor(model, fs=2000, channels=names, max_speed=70)
+    rows = np.stack([np.full(5000, np.nan), *recording.signals.values()])
     for k in range(rows.shape[1]):
         assert monitor.push(rows[:, k : k + 1], velocity=recording.velocity[k : k + 1]) == []
     (reading,) = monitor.flush()
@@ -505,11 +506,6 @@ def test_a_channel_that_stops_is_refused_at_the_end(fitted):
     monitor.push(block(), velocity=np.full(150, 20.0))
     with pytest.raises(ValueError, match="durations must agree within one sample"):
         monitor.flush()
-
-
-def test_without_samples_there_is_no_reading(fitted):
-    model, recording = fitted
-    assert monitor_of(model, recording).flush() == []
 
 
 def test_what_is_no_state_of_this_monitor_is_refused(fitted):
