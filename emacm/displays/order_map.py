@@ -87,7 +87,7 @@ class OrderMapDisplay(OrderDisplay):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.orders, self.psd = np.asarray(self.orders), np.asarray(self.psd)
+        self.orders, self.psd = np.asarray(self.orders), np.asarray(self.psd, np.float64)
         self.intervals, self.speeds = np.asarray(self.intervals), np.asarray(self.speeds)
         check_choice(self.over, "over", ("time", "speed"))
 
@@ -187,15 +187,11 @@ class OrderMapDisplay(OrderDisplay):
     def _over_time(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
         """Return edges over time and the spectra between them; NaN where there is no segment."""
         starts, stops = self.intervals.T
-        following = np.append(starts[1:], np.inf)
-        edges, rows = [starts[0]], []
-        for spectrum, stop, start in zip(self.psd, stops, following, strict=True):
-            rows.append(spectrum)
-            edges.append((start + stop) / 2 if start <= stop else stop)
-            if stop < start < np.inf:  # a gap
-                rows.append(np.full_like(spectrum, np.nan))
-                edges.append(start)
-        return np.array(edges), np.array(rows)
+        following = np.append(starts[1:], stops[-1])
+        ends = np.where(following <= stops, (following + stops) / 2, stops)
+        gaps = np.flatnonzero(following > stops) + 1
+        edges = np.insert(np.append(starts[0], ends), gaps + 1, following[gaps - 1])
+        return edges, np.insert(self.psd, gaps, np.nan, axis=0)
 
     def _over_speed(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
         """Return edges over speed and the mean spectra between them; NaN without a segment."""

@@ -30,11 +30,8 @@ class PlaneDisplay(Display):
         self.points = _tables.check_values(self.points, "points", (None, 2))
         self.labels = _tables.check_labels(self.labels, len(self.points))
         self._known = [str(state) for state in states]
-
-    @property
-    def _numbers(self) -> dict[str, int]:
-        """Number of each state of the classifier and of the recordings."""
-        return _drawing.state_numbers([*self._known, *np.unique(self.labels)], self.healthy)
+        found = [*self._known, *np.unique(self.labels)]
+        self._numbers = _drawing.state_numbers(found, self.healthy)
 
     def _draw_points(self, ax: Any) -> dict[str, Any]:
         """Draw the recordings of each state; states unknown to the classifier in grey."""
