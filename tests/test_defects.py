@@ -12,6 +12,8 @@ from emacm import (
     LeastRiskClassifier,
     NewUnitClassifier,
     OrderPSD,
+    OrderResampler,
+    Recording,
     load_model,
     save_model,
 )
@@ -68,6 +70,20 @@ def test_a_full_disk_is_named_with_the_file_and_leaves_nothing_behind(tmp_path, 
 
 
 # Channels and the shaft
+
+
+@pytest.mark.parametrize("width", [1, 3])
+@pytest.mark.parametrize("size", [7.0, -4.0])
+def test_spikes_of_the_shaft_angle_are_named_and_refused_as_jumps_are(size, width):
+    angle = 0.01 * np.arange(20_000) + 0.2 * np.sin(np.arange(20_000) / 3000)
+    for place in (300, 5000, 9001, 12_345, 19_000):
+        angle[place : place + width] += size
+    noise = np.random.default_rng(0).standard_normal(len(angle))
+    recordings = [Recording({"x": noise}, 20_000, angle=angle)]
+    assert f"angle jumps by {abs(size):.0f}" in OrderResampler().quality(recordings).warnings[0]
+    with pytest.raises(ValueError, match="Repair it"):
+        OrderResampler().fit_transform(recordings)
+
 
 # Files
 

@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from emacm import _kernels
@@ -542,8 +541,9 @@ def largest_jump(
     """Return the largest isolated jump of the shaft angle, or None.
 
     A jump is a section of at most three samples with a speed of more than six times the highest
-    speed in the eleven samples on either side, and more than ten times the median speed. No shaft
-    accelerates and brakes so fast; an encoder that slips or an electrical spike looks like this.
+    speed of the same direction in the eleven samples on either side, and more than ten times the
+    median speed. No shaft accelerates and brakes so fast; an encoder that slips or an electrical
+    spike, from which the angle returns within a few samples, looks like this.
     Steps of a stepping motor and counts of a coarse encoder are not jumps, because there are many.
 
     Parameters
@@ -567,26 +567,21 @@ def largest_jump(
     Jump(sample=40, angle=5.06)
     """
     jumps: list[Jump] = []
+    beside = np.r_[-reach : 1 - width, width : reach + 1]
     for first in range(0, len(velocity), BLOCK):
         low, high = max(first - reach, 0), min(first + BLOCK + reach, len(velocity))
-        speed = np.abs(velocity[low:high])
+        signed = velocity[low:high]
+        speed = np.abs(signed)
         if speed.max() <= above_mean * speed.mean():
             continue
-        limit = above_median * np.median(speed[speed > 0])
-        limit = np.maximum(limit, above_neighbours * _neighbours(speed, width, reach))
-        # A jump of an angle shows in two samples of its central difference.
-        jumps += [
-            Jump(low + int(k), float(speed[max(k - 1, 0) : k + 2].sum()) / fs)
-            for k in np.flatnonzero(speed > limit)
-        ]
-    return max(jumps, key=lambda jump: jump.angle, default=None)
-
-
-def _neighbours(speed: NDArray[np.floating], width: int, reach: int) -> NDArray[np.floating]:
-    """Return the highest speed from `width` to `reach` samples away, on either side.
-
-    Beyond its ends the speed continues: a motion that starts in the last sample is no jump.
-    """
-    padded = np.pad(speed, reach, mode="edge")
-    highest = sliding_window_view(padded, reach - width + 1).max(axis=-1)
-    return np.maximum(highest[: len(speed)], highest[reach + width :][: len(speed)])
+        fast = np.flatnonzero(speed > above_median * np.median(speed[speed > 0]))
+        # Beyond its ends the speed continues: a motion that starts in the last sample is no jump.
+        near = signed[np.clip(fast[:, np.newaxis] + beside, 0, len(signed) - 1)]
+        near *= np.sign(signed[fast, np.newaxis])  # a spike returns: only the same way counts
+        fast = fast[speed[fast] > above_neighbours * near.max(axis=1, initial=0.0)]
+        # A jump of an angle shows in two samples of its central difference, a spike two apart.
+        padded = np.pad(signed, 2)
+        for k in fast.tolist():
+            moves = padded[k + 1 : k + 4].sum(), *(signed[k] - padded[[k, k + 4]])
+            jumps.append(Jump(low + k, float(np.abs(moves).max()) / fs))
+    return max(jumps, key=lambda jump: round(jump.angle, 9), default=None)  # the first of equals
