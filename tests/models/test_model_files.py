@@ -2,6 +2,7 @@
 
 import io
 import json
+import subprocess
 import sys
 import warnings
 import zipfile
@@ -353,3 +354,11 @@ def test_mutated_files_are_refused_and_execute_nothing(saved):
         with pytest.raises(ValueError, match=r"damaged|not a model file"):
             load_model(saved)
     assert not EXECUTED
+
+
+def test_a_model_is_loaded_without_dask_and_pytest(tmp_path):
+    save_model(LogisticRegression().fit([[0.0], [1.0]], [0, 1]), tmp_path / "model.emacm")
+    code = "import sys, emacm; emacm.load_model('model.emacm'); print(*sys.modules)"
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert not {"dask", "pytest"} & set(done.stdout.split())
