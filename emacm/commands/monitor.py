@@ -25,6 +25,8 @@ from emacm.streams.packed_state import packed, unpacked
 from emacm.streams.streamed_models import Reading
 
 FAILED = 3  # exit status: rows were skipped
+_DECIDED = ("decision", "expected_cost", "typicality", "posterior")
+_PRINTED = ("start", "time", *_DECIDED, "alarms", "outside_training")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -159,9 +161,8 @@ class _Stream:
     def _fail(self, error: str, duration: float) -> None:
         """State why rows are skipped; the reading up to them ends, and another one begins."""
         self._n_failed += 1
-        self._last, time_of_error = b"", self._resumed
-        if time_of_error is None:
-            time_of_error = self._monitor.time
+        self._last = b""
+        time_of_error = self._monitor.time if self._resumed is None else self._resumed
         self._resumed = time_of_error + duration
         try:
             self._print(self._monitor.flush())
@@ -172,18 +173,8 @@ class _Stream:
 
     def _print(self, readings: list[Reading]) -> None:
         for reading in readings:
-            _write(
-                {
-                    "start": reading.start,
-                    "time": reading.time,
-                    "decision": reading.decision,
-                    "expected_cost": reading.expected_cost,
-                    "typicality": reading.typicality,
-                    "posterior": {str(k): p for k, p in reading.posterior.items()},
-                    "alarms": list(reading.alarms),
-                    "outside_training": list(reading.outside_training),
-                }
-            )
+            line = {name: getattr(reading, name) for name in _PRINTED}
+            _write(line | {"posterior": {str(k): p for k, p in reading.posterior.items()}})
 
     def _restore(self, content: bytes, file: BinaryIO) -> None:
         """Restore a state, and go on in the file where it was written."""
@@ -192,11 +183,10 @@ class _Stream:
             state = unpacked(content)
             if "head" not in state:
                 raise ValueError("it is no state of this command.")
-            if state["head"].tobytes() != self._head[: len(state["head"])]:
-                raise ValueError(f"it was written for another file than {self._options.source}.")
-            self._offset = state["offset"]
-            if self._offset > os.path.getsize(self._options.source):
-                raise ValueError(f"{self._options.source} is shorter than it was.")
+            self._offset, source = state["offset"], self._options.source
+            is_same = self._head.startswith(state["head"].tobytes())
+            if not is_same or self._offset > os.path.getsize(source):
+                raise ValueError(f"it was written for another file than {source}, or a longer one.")
             self._monitor.restore(state["monitor"].tobytes())
         except ValueError as error:
             raise ValueError(f"{error} {remedy}") from error

@@ -203,9 +203,13 @@ def _other_rows(table: pd.DataFrame, hit: Sequence[_Component], with_parts: bool
     """Return a row for each range of adjacent raised columns that no component predicts."""
     taken = table.loc[list({column for component in hit for column in component.lines.index})]
     chosen = table[table["raised"] & ~table.index.isin(taken.index)]
-    leaks = [_is_leakage(column, taken) for _, column in chosen.iterrows()]
-    chosen = chosen[~np.array(leaks, dtype=bool)]
-    chosen = chosen.sort_values(["channel", "low"], kind="stable")
+    # Beside a line of a component, a column may be raised by leakage only.
+    beside = chosen.reset_index().merge(taken, on="channel", suffixes=("", "_of_line"))
+    beside = beside[
+        (beside["low_of_line"] <= beside["high"]) & (beside["low"] <= beside["high_of_line"])
+    ]
+    leaks = beside["index"][beside["deviation"] <= beside["deviation_of_line"] - _LEAKAGE]
+    chosen = chosen.drop(leaks.unique()).sort_values(["channel", "low"], kind="stable")
     before = chosen.shift()
     joined = (
         (chosen["channel"] == before["channel"])
@@ -225,16 +229,6 @@ def _other_rows(table: pd.DataFrame, hit: Sequence[_Component], with_parts: bool
         row = Row(component, channel_name(peak["channel"]) or "–", orders, size)
         rows.append((abs(peak["sigmas"]), row))
     return [row for _, row in sorted(rows, key=lambda pair: -pair[0])]
-
-
-def _is_leakage(column: pd.Series, taken: pd.DataFrame) -> bool:
-    """Return whether a column beside a line of a component is raised by leakage only."""
-    beside = taken[
-        (taken["channel"] == column["channel"])
-        & (taken["low"] <= column["high"])
-        & (column["low"] <= taken["high"])
-    ]
-    return bool(column["deviation"] <= beside["deviation"].max() - _LEAKAGE)
 
 
 def _not_separated(hit: Sequence[_Component]) -> list[str]:

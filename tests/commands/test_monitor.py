@@ -202,7 +202,7 @@ def test_a_state_that_is_damaged_or_of_another_file_is_refused(here, capsys):
         ("stream.csv", content[:3000], "cannot be read"),
         ("stream.csv", b"", "cannot be read"),
         ("another.csv", content, "written for another file than another.csv"),
-        ("short.csv", content, "short.csv is shorter than it was"),
+        ("short.csv", content, "than short.csv, or a longer one"),
     ]
     for source, written, message in cases:
         state.write_bytes(written)
