@@ -157,16 +157,20 @@ def test_a_trend_is_sorted_by_unit_and_time_and_states_alarms():
 
 
 @pytest.mark.parametrize(
-    ("options", "error", "message"),
+    ("false_alarm", "options", "message"),
     [
-        ({"units": ["a"]}, ValueError, "units must hold one label for each of 24"),
-        ({"groups": ["a"]}, ValueError, "groups must hold one label for each of 24"),
-        ({"groups": [np.nan] * 24}, ValueError, "groups is nan"),
+        (0.1, {"units": ["a"]}, "units must hold one label for each of 24"),
+        (0.1, {"groups": ["a"]}, "groups must hold one label for each of 24"),
+        (0.1, {"groups": [np.nan] * 24}, "groups is nan"),
+        (0, {}, "false_alarm"),
+        (1, {}, "false_alarm"),
+        ("low", {}, "false_alarm"),
     ],
 )
-def test_invalid_labels_are_refused(options, error, message):
-    with pytest.raises(error, match=message):
-        HealthIndex().fit(healthy(np.random.default_rng(0)), **({"groups": range(24)} | options))
+def test_invalid_labels_and_rates_are_refused(false_alarm, options, message):
+    X, options = healthy(np.random.default_rng(0)), {"groups": range(24)} | options
+    with pytest.raises((ValueError, TypeError), match=message):
+        HealthIndex(false_alarm).fit(X, **options)
 
 
 def test_features_may_be_in_any_units():
@@ -199,12 +203,6 @@ def test_times_without_an_order_are_refused(times):
     index = HealthIndex(0.2).fit(X, groups=range(24))
     with pytest.raises(TypeError, match="times must hold labels of one kind, got"):
         index.trend(X[:3], times)
-
-
-@pytest.mark.parametrize("false_alarm", [0, 1, "low"])
-def test_an_invalid_rate_is_refused(false_alarm):
-    with pytest.raises((ValueError, TypeError), match="false_alarm"):
-        HealthIndex(false_alarm).fit(healthy(np.random.default_rng(0)), groups=range(24))
 
 
 def test_names_containers_clones_and_pickles():

@@ -3,11 +3,7 @@
 import numpy as np
 import pytest
 
-from emacm.monitoring import (
-    coverage_by_unit,
-    phm2012_lives,
-    phm2012_score,
-)
+from emacm.monitoring import coverage_by_unit, phm2012_lives, phm2012_score
 
 
 def test_the_challenge_score_is_one_half_for_5_percent_late_and_20_percent_early():

@@ -305,10 +305,7 @@ def test_what_is_outside_the_fit_is_stated():
 
 @pytest.mark.parametrize(
     "asked",
-    [
-        lambda fitted, X: fitted.predict(X),
-        lambda fitted, X: fitted.decide(X, COSTS),
-    ],
+    [lambda fitted, X: fitted.predict(X), lambda fitted, X: fitted.decide(X, COSTS)],
 )
 def test_predictions_outside_the_fit_warn(asked):
     X, y, groups, _ = followed(range(12))
@@ -333,10 +330,7 @@ def test_without_a_health_index_the_life_of_the_population_is_stated_as_such():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (
-            lambda X, y, g: (X, y + np.arange(len(y)), g),
-            "remaining life of unit 0 is",
-        ),
+        (lambda X, y, g: (X, y + np.arange(len(y)), g), "remaining life of unit 0 is"),
         (lambda X, y, g: (X, y - 1e3, g), "y must not be negative"),
         (lambda X, y, g: (X - 1, y, g), "first column is the age, got -1 in row 0"),
         (lambda X, y, g: (X, y, np.zeros(len(X))), "unit 0.0 has two readings at age 0"),
