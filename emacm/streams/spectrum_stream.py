@@ -264,40 +264,41 @@ class SpectrumStream(Resumable):
         """Process what is known of a stroke, and take up its powers if that is all of it."""
         settings, powers, complete = self._settings, growing.powers, growing.complete
         path = self.shaft.path(growing, settings.ratio)
-        kind = int(settings.plan.by_direction and path.direction < 0)
         if complete:
-            self._longest[kind] = max(self._longest[kind], path.count(settings.theta_s))
-            if path.count(settings.theta_s) < settings.plan.n_per_segment:
+            kind, n_angles = self._kind(path), path.count(settings.theta_s)
+            self._longest[kind] = max(self._longest[kind], n_angles)
+            if n_angles < settings.plan.n_per_segment:
                 powers.clear()  # no segment lies in it
         elif path.n_times < 2:
             return
-        if powers and path.max_reversal > DESIGN.least_reversal:
-            raise ValueError(
-                f"the shaft turned back by {path.max_reversal:.3g} rad in the stroke that began at "
-                f"{path.start_time:.6g} s of the reading; at most "
-                f"{DESIGN.least_reversal:g} rad can be followed. Raise min_speed or set max_rest "
-                f"of OrderResampler, and reset."
-            )
+        if powers:
+            _check_reversal(path)
         needed = [upsampling(fs, path.fastest, settings.theta_s) for fs in settings.groups]
         for name, each in list(powers.items()):
             if each.factor < needed[each.group] or (complete and each.factor > needed[each.group]):
                 del powers[name]
-        waits = [
-            self.signals[p.group].length < p.spreading.rows_needed(path) for p in powers.values()
+        lacking = [
+            each.spreading.rows_needed(path) > self.signals[each.group].length
+            for each in powers.values()
         ]
-        if complete and not ended and any(waits):
+        if complete and not ended and any(lacking):
             return
         for each in powers.values():
             each.advance(self.signals[each.group].series, path, complete=complete)
         if complete:
-            self._take_up(growing, path, kind)
+            self._take_up(growing, path)
 
-    def _take_up(self, growing: GrowingStroke, path: ShaftPath, kind: int) -> None:
+    def _kind(self, path: ShaftPath) -> int:
+        """Return which of `Settings.kinds` a stroke is."""
+        return int(self._settings.plan.by_direction and path.direction < 0)
+
+    def _take_up(self, growing: GrowingStroke, path: ShaftPath) -> None:
         """Add the powers and the speeds of a stroke that is complete."""
         settings, groups = self._settings, list(self._settings.groups.values())
         for powers in growing.powers.values():
-            self._sums[groups[powers.group], kind] += powers.total
-            self._counts[groups[powers.group], kind] += powers.count
+            place = groups[powers.group], self._kind(path)
+            self._sums[place] += powers.total
+            self._counts[place] += powers.count
         growing.powers.clear()
         if path.length > 0:
             speeds = settings.ratio * growing.slowest, settings.ratio * growing.fastest
@@ -317,3 +318,13 @@ class SpectrumStream(Resumable):
             held.drop(int(first * fs) - margin)
         self.n_held = max(*n_held, *(held.n_held for held in [*self.signals, shaft.measured]))
         return first
+
+
+def _check_reversal(path: ShaftPath) -> None:
+    """Raise a ValueError if the shaft turned back too far to be followed."""
+    if path.max_reversal > DESIGN.least_reversal:
+        raise ValueError(
+            f"the shaft turned back by {path.max_reversal:.3g} rad in the stroke that began at "
+            f"{path.start_time:.6g} s of the reading; at most {DESIGN.least_reversal:g} rad can be "
+            f"followed. Raise min_speed or set max_rest of OrderResampler, and reset."
+        )
