@@ -17,21 +17,19 @@ from emacm.decisions.pipelines import final_estimator, fitted_resamplers
 from emacm.models.model_files import describe_model
 from emacm.recordings.recording import Recording
 
-_CERTAIN = 0.99  # beyond it, no probability of a model is known more exactly
-_WORDS = ((0.99, "very high"), (0.95, "high"), (0.8, "moderate"), (0.0, "low"))
-
 
 def percent(probability: float) -> str:
-    """Return a probability in per cent; neither 0 nor 100.
+    """Return a probability in per cent; beyond 1 and 99, none is known more exactly.
 
     Examples
     --------
     >>> percent(1.0), percent(0.973), percent(0.0004)
     ('above 99 %', '97 %', 'below 1 %')
     """
-    if probability > _CERTAIN:
-        return "above 99 %"
-    return "below 1 %" if probability < 1 - _CERTAIN else f"{100 * probability:.0f} %"
+    value = 100 * probability
+    if 1 <= value <= 99:
+        return f"{value:.0f} %"
+    return "above 99 %" if value > 99 else "below 1 %"
 
 
 def confidence(probability: float) -> str:
@@ -42,7 +40,8 @@ def confidence(probability: float) -> str:
     >>> confidence(0.97), confidence(0.4)
     ('high', 'low')
     """
-    return next(word for least, word in _WORDS if probability >= least)
+    words = ((0.99, "very high"), (0.95, "high"), (0.8, "moderate"))
+    return next((word for least, word in words if probability >= least), "low")
 
 
 def decibels(value: float, unit: str = "dB") -> str:
@@ -135,9 +134,6 @@ def channel_name(channel: str) -> str:
 
 Facts = list[tuple[str, str]]
 
-_MOST = 12  # channels, classes and entries of meta that are listed
-_DIGITS = 16  # of a digest
-
 
 def decisions_of(model: Any) -> list[Any]:
     """Return the decisions that a fitted classifier can make."""
@@ -185,7 +181,7 @@ def recording_facts(recording: Recording, name: str) -> Facts:
         ("Speed of the shaft", speeds(float(speed.min()), float(speed.max()))),
         ("Channels", _shortened(channels, "; ")),
         *([("Meta", _shortened(meta))] if meta else []),
-        ("Digest", recording.digest[:_DIGITS]),
+        ("Digest", recording.digest[:16]),
     ]
 
 
@@ -206,7 +202,7 @@ def model_facts(model: Any, path: Path | None = None) -> Facts:
     facts = [("Model", type(model).__name__ + ", in memory: not saved to a file")]
     saved: Mapping[str, str] = {}
     if path is not None:
-        about, digest = describe_model(path), sha256(path.read_bytes()).hexdigest()[:_DIGITS]
+        about, digest = describe_model(path), sha256(path.read_bytes()).hexdigest()[:16]
         facts = [("Model", f"{path.name}, saved {about['saved']}"), ("Digest", digest)]
         facts += [("Note", str(about["note"]))] if about["note"] else []
         saved = about["versions"]
@@ -239,6 +235,7 @@ def _training(model: Any) -> Facts:
     return [("Trained on", "; ".join(texts))]
 
 
-def _shortened(texts: list[str], between: str = ", ") -> str:
-    more = len(texts) - _MOST
-    return between.join(texts[:_MOST]) + (f" and {more} more" if more > 0 else "")
+def _shortened(texts: list[str], between: str = ", ", *, most: int = 12) -> str:
+    """Return channels, classes or entries of meta, and how many are left out."""
+    more = len(texts) - most
+    return between.join(texts[:most]) + (f" and {more} more" if more > 0 else "")

@@ -16,9 +16,6 @@ from emacm.reports.facts import channel_name
 from emacm.reports.pages import Page
 from emacm.reports.raised import HARMONICS, LEAST, SLIP, is_raised
 
-_MOST = 12  # bars with names
-_MARKED = 12  # predicted lines
-
 
 def drawn(page: Page) -> tuple[Any, str]:
     """Draw the order spectrum and the deviations of the channel that deviates most.
@@ -62,7 +59,7 @@ def _channel(page: Page) -> str:
     return "" if page.findings is None else page.findings.channel
 
 
-def _bars(page: Page) -> pd.DataFrame | None:
+def _bars(page: Page, most_named: int = 12) -> pd.DataFrame | None:
     """Return the deviations that are drawn: those of a channel in dB, or the largest ones."""
     if page.deviations is None:
         return None
@@ -79,7 +76,7 @@ def _bars(page: Page) -> pd.DataFrame | None:
         return None
     if own["low"].notna().all():
         return own.sort_values("low")
-    largest = own["deviation"].abs().sort_values(ascending=False).index[:_MOST]
+    largest = own["deviation"].abs().sort_values(ascending=False).index[:most_named]
     return own.loc[largest]
 
 
@@ -116,7 +113,7 @@ def _draw_reference(ax: Any, page: Page, channel: str) -> None:
         style.pop("label", None)
 
 
-def _predicted(page: Page, top: float) -> pd.DataFrame:
+def _predicted(page: Page, top: float, most: int = 12) -> pd.DataFrame:
     """Return the predicted lines that are marked: those of raised components, or first ones."""
     series = () if page.parts is None else fault_series(page.parts, HARMONICS)
     raised = page.findings.components if page.findings is not None else []
@@ -131,7 +128,7 @@ def _predicted(page: Page, top: float) -> pd.DataFrame:
                 limits = (order * (1 - reach), order * (1 + reach))
                 rows[name if k == 1 else f"{k}x{name}"] = (order, *limits)
     table = pd.DataFrame.from_dict(rows, orient="index", columns=["order", "low", "high"])
-    return table.astype(float).head(_MARKED)
+    return table.astype(float).head(most)
 
 
 def _draw_bars(reference: str, bars: pd.DataFrame, ax: Any) -> None:

@@ -18,10 +18,6 @@ LEAST = 3.0  # dB above the mean of the healthy recordings
 SIGMAS = 4.0  # standard deviations of the healthy recordings: hundreds of bins are looked at
 HARMONICS = 3
 SLIP = 0.02
-_HEIGHT = 6.0  # dB above the local background; noise alone has 1 to 3 dB, see FaultLines
-_BACKGROUND = 0.5  # orders
-_LEAKAGE = 6.0  # dB by which leakage of a line into the next bin is lower
-_MOST = 8  # rows of the table
 
 Spectrum = tuple[NDArray[np.floating], NDArray[np.floating]]  # orders and power
 Spectra = Mapping[str, Spectrum]
@@ -78,7 +74,12 @@ class _Component(NamedTuple):
 
 
 def find_raised(
-    table: pd.DataFrame, reference: str, parts: Any = None, spectra: Spectra | None = None
+    table: pd.DataFrame,
+    reference: str,
+    parts: Any = None,
+    spectra: Spectra | None = None,
+    *,
+    most: int = 8,
 ) -> Findings:
     """Find raised orders, and the components that predict them.
 
@@ -93,6 +94,8 @@ def find_raised(
     spectra : mapping of channels to (orders, power), optional
         Order spectra of the recording. A component is named only if its lines are above the local
         background there, which separates faults whose orders are in the same bin.
+    most : int
+        Most rows.
 
     Returns
     -------
@@ -116,11 +119,11 @@ def find_raised(
     notes = _not_separated(hit) + stated(
         (gained, f"Other deviations in {listed(gained)} are relative to that of all its orders."),
         (missing, f"The model has no order bands at the orders of {listed(missing)}."),
-        (len(rows) > _MOST, f"{len(rows) - _MOST} more deviations are not listed."),
+        (len(rows) > most, f"{len(rows) - most} more deviations are not listed."),
     )
     sigmas = table["sigmas"].abs()[table["channel"] != ""].dropna()
     worst = "" if sigmas.empty else str(table["channel"][sigmas.idxmax()])
-    return Findings(rows[:_MOST], normal, notes, worst, names)
+    return Findings(rows[:most], normal, notes, worst, names)
 
 
 def is_raised(table: pd.DataFrame) -> NDArray[np.bool_]:
@@ -182,25 +185,36 @@ def _column_at(order: float, slips: bool, own: pd.DataFrame) -> Any:
 
 
 def _above_background(
-    fault: FaultSeries, orders: Sequence[float], spectrum: Spectrum | None
+    fault: FaultSeries,
+    orders: Sequence[float],
+    spectrum: Spectrum | None,
+    *,
+    height: float = 6.0,
+    background: float = 0.5,
 ) -> bool:
     """Return whether most lines are above the local background; True if that is not known.
 
-    The median over the lines is compared, so that one line of another fault is not enough.
+    The median over the lines is compared, so that one line of another fault is not enough. Noise
+    alone is 1 to 3 dB above the background, see FaultLines; `height` [dB], `background` [orders].
     """
     if spectrum is None:
         return True
     axis, power = spectrum
     fault = replace(fault, orders=tuple(order for order in orders if order < (1 - SLIP) * axis[-1]))
     try:
-        lines = LineLevels(axis, [fault], SLIP, _BACKGROUND, without_shaft=True)
+        lines = LineLevels(axis, [fault], SLIP, background, without_shaft=True)
     except (ValueError, IndexError):  # too coarse, or no line inside
         return True
-    return bool(np.median(lines.measure(power[np.newaxis].astype(np.float64))[2][0]) >= _HEIGHT)
+    return bool(np.median(lines.measure(power[np.newaxis].astype(np.float64))[2][0]) >= height)
 
 
-def _other_rows(table: pd.DataFrame, hit: Sequence[_Component], with_parts: bool) -> list[Row]:
-    """Return a row for each range of adjacent raised columns that no component predicts."""
+def _other_rows(
+    table: pd.DataFrame, hit: Sequence[_Component], with_parts: bool, *, leakage: float = 6.0
+) -> list[Row]:
+    """Return a row for each range of adjacent raised columns that no component predicts.
+
+    Leakage of a line into the next column is lower by at least `leakage` [dB].
+    """
     taken = table.loc[list({column for component in hit for column in component.lines.index})]
     chosen = table[table["raised"] & ~table.index.isin(taken.index)]
     # Beside a line of a component, a column may be raised by leakage only.
@@ -208,7 +222,7 @@ def _other_rows(table: pd.DataFrame, hit: Sequence[_Component], with_parts: bool
     beside = beside[
         (beside["low_of_line"] <= beside["high"]) & (beside["low"] <= beside["high_of_line"])
     ]
-    leaks = beside["index"][beside["deviation"] <= beside["deviation_of_line"] - _LEAKAGE]
+    leaks = beside["index"][beside["deviation"] <= beside["deviation_of_line"] - leakage]
     chosen = chosen.drop(leaks.unique()).sort_values(["channel", "low"], kind="stable")
     before = chosen.shift()
     joined = (

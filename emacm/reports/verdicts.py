@@ -11,10 +11,6 @@ from emacm.models.scoring import opened_classifier
 from emacm.recordings.recording import Recording
 from emacm.reports.facts import confidence, listed, percent
 
-_NAMED = 0.01  # probability from which another state is named
-_UNUSUAL = 0.01  # typicality
-_MOST = 4  # other states that are named
-
 
 class Verdict(NamedTuple):
     """A decision in words.
@@ -40,7 +36,15 @@ class Verdict(NamedTuple):
     other: Any
 
 
-def verdict_on(model: Any, recording: Recording, row: dict[str, Any], healthy: Any) -> Verdict:
+def verdict_on(
+    model: Any,
+    recording: Recording,
+    row: dict[str, Any],
+    healthy: Any,
+    *,
+    named: float = 0.01,
+    most_named: int = 4,
+) -> Verdict:
     """Return the decision on a recording in words.
 
     Parameters
@@ -53,6 +57,10 @@ def verdict_on(model: Any, recording: Recording, row: dict[str, Any], healthy: A
         Its row of `score`.
     healthy : label
         The healthy state; None if the model has none.
+    named : float
+        Probability from which another state is named.
+    most_named : int
+        Most other states that are named.
 
     Returns
     -------
@@ -76,9 +84,9 @@ def verdict_on(model: Any, recording: Recording, row: dict[str, Any], healthy: A
         kind = "unknown" if decision == unknown else "healthy"
     probability = float(truths[own].sum())
     sentences = [_decided(kind, decision, probability, classifier.classes_.tolist())]
-    possible = [f"{names[k]} ({percent(truths[k])})" for k in others if truths[k] >= _NAMED]
+    possible = [f"{names[k]} ({percent(truths[k])})" for k in others if truths[k] >= named]
     if possible:
-        sentences.append(f"Possible too: {listed(possible[:_MOST])}.")
+        sentences.append(f"Possible too: {listed(possible[:most_named])}.")
     if kind in ("healthy", "fault") and probability < max(truths[others], default=0.0):
         sentences.append("It was decided because the costs of the other decisions are higher.")
     if getattr(classifier, "temperature", None) is None:
@@ -87,7 +95,7 @@ def verdict_on(model: Any, recording: Recording, row: dict[str, Any], healthy: A
             "close to certainty."
         )
     normal, typicality = [], float(row["typicality"])
-    if typicality <= _UNUSUAL:
+    if typicality <= 0.01:  # 1 in 100
         sentences.append(
             "The recording is unusual: fewer than 1 in 100 training recordings are as far away "
             "from the states of the model."
