@@ -12,14 +12,7 @@ import pandas as pd
 from emacm.commands.parsers import check_paths, expanded
 from emacm.files.folder import open_recording
 from emacm.files.layout import Layout
-from emacm.reports.inputs import (
-    known_times,
-    read_actions,
-    read_parts,
-    read_results,
-    value_of,
-    with_units_and_times,
-)
+from emacm.reports import inputs
 from emacm.reports.maintenance import Reports, read_settings
 from emacm.reports.pages import Page
 
@@ -35,10 +28,10 @@ def run(options: argparse.Namespace) -> int:
     layout = Layout.from_toml(options.layout)
     check_paths(options.paths)
     reports = FileReports(options, layout, options.out)
-    history = None if options.history is None else read_results(options.history)
+    history = None if options.history is None else inputs.read_results(options.history)
     paths = expanded(options.paths)
-    failed = reports.write(paths, history)
-    print(f"{len(paths)} reports: {reports.last}")
+    last, failed = reports.write(paths, history)
+    print(f"{len(paths)} reports: {last}")
     return 3 if failed else 0
 
 
@@ -56,17 +49,15 @@ class FileReports:
     """
 
     def __init__(self, options: argparse.Namespace, layout: Layout, out: Path) -> None:
-        actions = None if options.actions is None else read_actions(options.actions)
-        parts = None if options.parts is None else read_parts(options.parts)
+        actions = None if options.actions is None else inputs.read_actions(options.actions)
+        parts = None if options.parts is None else inputs.read_parts(options.parts)
         self._reports = Reports(read_settings(options.model, actions, parts), out)
         self._layout, self._unit, self._time = layout, options.unit, options.time
-        self.last = out
 
-    def write(self, paths: Sequence[Path], history: pd.DataFrame | None) -> bool:
-        """Write the pages of files; return whether there is no decision on some of them."""
+    def write(self, paths: Sequence[Path], history: pd.DataFrame | None) -> tuple[Path, bool]:
+        """Write the pages of files; return the last one, and whether a decision is missing."""
         pages = self._pages(paths, history)
-        self.last = self._reports.write(pages)[-1]
-        return any(page.kind == "error" for page in pages)
+        return self._reports.write(pages)[-1], any(page.kind == "error" for page in pages)
 
     def update(self, rows: pd.DataFrame, is_new: Sequence[bool]) -> None:
         """Write the pages of new results, and an index of all.
@@ -94,9 +85,8 @@ class FileReports:
         sources = [partial(open_recording, path, layout) for path in paths]
         units = times = None
         if unit is not None or history is not None:
-            times = known_times(paths, layout, self._time)
-            units = None if unit is None else [value_of(path, layout, unit) for path in paths]
+            units, times = inputs.units_and_times(paths, layout, unit, self._time)
         if history is not None:
-            history = with_units_and_times(history, layout, unit, self._time)
+            history = inputs.with_units_and_times(history, layout, unit, self._time)
         names = [str(path) for path in paths]
         return self._reports.pages(sources, names, history, units, times, self._time or "")

@@ -17,7 +17,7 @@ from emacm.files.folder import RecordingFolder, open_recording
 from emacm.files.layout import Layout
 from emacm.recordings.meta import read_meta
 from emacm.reports.facts import healthy_label
-from emacm.reports.inputs import known_times, read_results, value_of, with_units_and_times
+from emacm.reports.inputs import read_results, units_and_times, with_units_and_times
 
 ALARM, FAILED = 1, 3  # exit status
 
@@ -61,16 +61,13 @@ def _from_files(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
     check_paths([options.healthy, *options.paths])
     healthy = RecordingFolder(options.healthy, layout)
     groups = read_meta(healthy, options.groups, role="--groups")
-    units = new_units = None
+    units = None if options.unit is None else read_meta(healthy, options.unit, role="--unit")
     paths = expanded(options.paths)
-    if options.unit is not None:
-        units = read_meta(healthy, options.unit, role="--unit")
-        new_units = [value_of(path, layout, options.unit) for path in paths]
+    new_units, times = units_and_times(paths, layout, options.unit, options.time)
     steps = order_levels(*extent(healthy, options), options.min_speed)
     model = make_pipeline(*steps, HealthIndex(options.false_alarm))
     model.fit(healthy, healthindex__groups=groups, healthindex__units=units)
     recordings = [open_recording(path, layout) for path in paths]
-    times = known_times(paths, layout, options.time)
     return health_trend(model, recordings, unit=new_units, time=times)
 
 

@@ -151,13 +151,30 @@ def with_units_and_times(
     """
     paths = table["recording"].astype(str).map(Path)
     kept = paths[[time is not None or path.exists() for path in paths]]
-    columns = {"time": known_times(kept, layout, time)}
-    if unit is not None:
-        columns["unit"] = [value_of(path, layout, unit) for path in kept]
-    return table.loc[kept.index].assign(**columns)
+    units, times = units_and_times(kept, layout, unit, time)
+    found = table.loc[kept.index].assign(time=times)
+    return found if units is None else found.assign(unit=units)
 
 
-def value_of(path: Path, layout: Layout, key: str) -> Any:
+def units_and_times(
+    paths: Iterable[Path], layout: Layout, unit: str | None, time: str | None
+) -> tuple[list[Any] | None, list[Any]]:
+    """Return unit and time of each file, as `with_units_and_times`; now if the file is not there.
+
+    Raises
+    ------
+    ValueError
+        If a meta has no such key; the message names the file.
+    """
+
+    def values(key: str) -> list[Any]:
+        return [_value_of(path, layout, key) for path in paths]
+
+    times = [_written(path) for path in paths] if time is None else values(time)
+    return None if unit is None else values(unit), times
+
+
+def _value_of(path: Path, layout: Layout, key: str) -> Any:
     """Return the value of a key of the meta of a file."""
     with located(str(path)):
         meta = layout.meta_of(path)
@@ -168,14 +185,10 @@ def value_of(path: Path, layout: Layout, key: str) -> Any:
         return meta[key]
 
 
-def known_times(paths: Iterable[Path], layout: Layout, key: str | None) -> list[Any]:
-    """Return the time of each file: of its meta, or when it was written; now if it is not there."""
-    if key is not None:
-        return [value_of(path, layout, key) for path in paths]
-    return [
-        pd.Timestamp.fromtimestamp(path.stat().st_mtime) if path.exists() else pd.Timestamp.now()
-        for path in paths
-    ]
+def _written(path: Path) -> pd.Timestamp:
+    if not path.exists():
+        return pd.Timestamp.now()
+    return pd.Timestamp.fromtimestamp(path.stat().st_mtime)
 
 
 def _toml(path: Path) -> dict[str, Any]:

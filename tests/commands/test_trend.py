@@ -96,12 +96,12 @@ ROWS = {
 }
 
 
-def write_results(suffix):
-    table = pd.DataFrame(ROWS)
-    if suffix == ".csv":
-        table.to_csv("results.csv", index=False)
-    else:
-        table.to_json("results.jsonl", orient="records", lines=True)
+@pytest.fixture
+def results(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("layout.toml").write_text(LAYOUT)
+    pd.DataFrame(ROWS).to_csv("results.csv", index=False)
+    pd.DataFrame(ROWS).to_json("results.jsonl", orient="records", lines=True)
 
 
 def from_results(*arguments, suffix=".csv"):
@@ -110,12 +110,7 @@ def from_results(*arguments, suffix=".csv"):
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".jsonl"])
-def test_results_give_the_trend_of_the_rarer_of_health_and_typicality(
-    tmp_path, monkeypatch, capsys, suffix
-):
-    monkeypatch.chdir(tmp_path)
-    Path("layout.toml").write_text(LAYOUT)
-    write_results(suffix)
+def test_results_give_the_trend_of_the_rarer_of_health_and_typicality(results, capsys, suffix):
     assert from_results("--state", "ok", "--false-alarm", "0.01", suffix=suffix) == 3
     table = pd.read_csv(io.StringIO(capsys.readouterr().out), keep_default_na=False)
     assert table["unit"].tolist() == 3 * ["axis"] + 3 * ["press"]
@@ -130,27 +125,17 @@ def test_results_give_the_trend_of_the_rarer_of_health_and_typicality(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (
-            [],
-            "--state must name the healthy state",
-        ),
+        ([], "--state must name the healthy state"),
         (["--state", "old"], "got 'old'"),
         (["--state", "ok", "--groups", "day"], "leave out HEALTHY and --groups"),
         (["--state", "ok", "--false-alarm", "2"], "--false-alarm must be"),
     ],
 )
-def test_results_that_cannot_be_used_are_status_2(
-    tmp_path, monkeypatch, capsys, arguments, message
-):
-    monkeypatch.chdir(tmp_path)
-    Path("layout.toml").write_text(LAYOUT)
-    write_results(".csv")
+def test_results_that_cannot_be_used_are_status_2(results, capsys, arguments, message):
     assert from_results(*arguments) == 2
     assert message in capsys.readouterr().err
 
 
-def test_a_trend_needs_files_or_results(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    Path("layout.toml").write_text(LAYOUT)
+def test_a_trend_needs_files_or_results(results, capsys):
     assert main(["trend", "--layout", "layout.toml"]) == 2
     assert "or --results, a table of emacm score" in capsys.readouterr().err
