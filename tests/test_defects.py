@@ -1,5 +1,7 @@
 """Defects that were found in use, one test for each, so that they do not come back."""
 
+from contextlib import contextmanager
+
 import numpy as np
 import pytest
 from sklearn.base import clone
@@ -51,20 +53,22 @@ def test_a_model_file_does_not_state_where_spectra_are_stored(tmp_path):
     assert load_model(tmp_path / "model").memory is None
 
 
-@pytest.fixture
+@contextmanager
 def full_disk():
-    """No file can grow beyond 50 bytes."""
+    """No file can grow beyond 50 bytes, also not one that pytest writes to."""
     resource = pytest.importorskip("resource", reason="not on Windows")
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (50, limits[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
-def test_a_full_disk_is_named_with_the_file_and_leaves_nothing_behind(tmp_path, full_disk):
+def test_a_full_disk_is_named_with_the_file_and_leaves_nothing_behind(tmp_path):
     pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
     model = CostSensitiveGaussianBayes().fit([[0.0], [1.0], [5.0], [7.0]], ["a", "a", "b", "b"])
-    with pytest.raises(OSError, match="bench"):
+    with pytest.raises(OSError, match="bench"), full_disk():
         save_model(model, tmp_path / "bench.emacm")
     assert not list(tmp_path.iterdir())
 
