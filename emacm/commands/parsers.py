@@ -12,19 +12,21 @@ from typing import Any
 from emacm.files.folder import recording_files
 
 
-def expanded(paths: Sequence[Path]) -> list[Path]:
-    """Return files, and in place of folders the files in them, sorted."""
+def expanded(paths: Sequence[Path], *, may_be_empty: bool = False) -> list[Path]:
+    """Return files, and in place of folders the files in them, sorted.
+
+    Raises
+    ------
+    ValueError
+        If a folder has no file of a known type, unless it `may_be_empty`.
+    """
     found: list[Path] = []
     for path in paths:
-        found += sorted(recording_files(path)) if path.is_dir() else [path]
-    return list(dict.fromkeys(found))
-
-
-def check_paths(paths: Sequence[Path]) -> None:
-    """Raise a ValueError if a folder has no file of a known type."""
-    for path in paths:
-        if path.is_dir() and next(recording_files(path), None) is None:
+        files = sorted(recording_files(path)) if path.is_dir() else [path]
+        if not files and not may_be_empty:
             raise ValueError(f"the folder {str(path)!r} has no file of a known type.")
+        found += files
+    return list(dict.fromkeys(found))
 
 
 def add_parsers(commands: Any) -> None:

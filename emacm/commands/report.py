@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from emacm.commands.parsers import check_paths, expanded
+from emacm.commands.parsers import expanded
 from emacm.files.folder import open_recording
 from emacm.files.layout import Layout
 from emacm.reports import inputs
@@ -26,10 +26,9 @@ def run(options: argparse.Namespace) -> int:
         0; 3 if there is no decision on some of the files, whose pages state why.
     """
     layout = Layout.from_toml(options.layout)
-    check_paths(options.paths)
+    paths = expanded(options.paths)
     reports = FileReports(options, layout, options.out)
     history = None if options.history is None else inputs.read_results(options.history)
-    paths = expanded(options.paths)
     last, failed = reports.write(paths, history)
     print(f"{len(paths)} reports: {last}")
     return 3 if failed else 0

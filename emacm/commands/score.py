@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from emacm.commands.parsers import check_paths, expanded
+from emacm.commands.parsers import expanded
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import final_estimator
 from emacm.files.folder import open_recording
@@ -151,9 +151,8 @@ def run(options: argparse.Namespace) -> int:
     check_model(model)
     set_costs(model, options.cost, options.priors)
     alarms = _alarms(model, options.fail_on)
+    expanded(options.paths, may_be_empty=options.watch is not None)
     work = _Work(model, layout, options)
-    if options.watch is None:
-        check_paths(options.paths)
     rows = work.once()
     while options.watch is not None:
         time.sleep(options.watch)
@@ -209,7 +208,7 @@ class _Work:
     def _paths(self, settled: float = 2.0) -> Iterator[Path]:
         """Yield the files; with --watch, one changed in the last seconds may be incomplete."""
         now = time.time()
-        for path in expanded(self._options.paths):
+        for path in expanded(self._options.paths, may_be_empty=True):
             written = path.stat().st_mtime if path.is_file() else 0.0
             if self._options.watch is None or now - written > settled:
                 yield path

@@ -11,7 +11,7 @@ from sklearn.pipeline import make_pipeline
 
 from emacm._checks import check_number, located
 from emacm.alarms.health_index import HealthIndex, health_trend
-from emacm.commands.parsers import check_paths, expanded
+from emacm.commands.parsers import expanded
 from emacm.commands.train import extent, order_levels
 from emacm.files.folder import RecordingFolder, open_recording
 from emacm.files.layout import Layout
@@ -58,11 +58,10 @@ def _from_files(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
             "trend needs a folder of HEALTHY files, PATHs of others and --groups; or --results, a "
             "table of emacm score."
         )
-    check_paths([options.healthy, *options.paths])
+    paths = expanded(options.paths)
     healthy = RecordingFolder(options.healthy, layout)
     groups = read_meta(healthy, options.groups, role="--groups")
     units = None if options.unit is None else read_meta(healthy, options.unit, role="--unit")
-    paths = expanded(options.paths)
     new_units, times = units_and_times(paths, layout, options.unit, options.time)
     steps = order_levels(*extent(healthy, options), options.min_speed)
     model = make_pipeline(*steps, HealthIndex(options.false_alarm))
