@@ -2,28 +2,16 @@
 
 The loops release Python's lock where they take time, so threads process recordings in parallel.
 They have no branch and no variable offset inside, so that the compiler can vectorise them.
-
-Where only the lowest spectral lines are wanted, a segment is decimated before it is transformed: it
-is filtered by a circular low pass, and every fourth value is kept,
-
-    y_m = sum_n h_(n - 4 m) x_(n mod L),    |Y_k| = |H_k X_k + H_(k + L/4) X_(k + L/4) + ...| / 4.
-
-H is the transform of the taps themselves, so that dividing by it is exact, and less than 2e-14 of a
-line aliases onto those wanted. To convolve by a Kaiser-Bessel kernel, to transform fewer points and
-to divide by the kernel's transform is the gridding of magnetic resonance imaging (Jackson, Meyer,
-Nishimura and Macovski, IEEE Trans. Med. Imaging 10(3), 473-478, 1991), here of uniform points.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy import fft
 
 from emacm._kernels import BlockSizes
 
@@ -404,71 +392,15 @@ def _interpolate_linear(signals, left, weights, values):
             row[j] = low + weights[j] * (following[place] - low)
 
 
-@lru_cache(maxsize=64)
-def low_pass(
-    length: int,
-    n_lines: int,
-    *,
-    decimation: int = 4,
-    highest: float = 1 / 16,
-    width: int = 16,
-    shape: float = 0.98,
-    shortest: int = 64,
-) -> tuple[Array, Array, int] | None:
-    """Return what segments are filtered by; None where plain transforms are faster.
-
-    Of the sampling rate, lines up to `highest` are decimated. The kernel is `width` samples wide
-    after it, and `shape` is that of the Kaiser-Bessel kernel whose stop band begins where the first
-    line aliases. Segments are at least as long as the kernel, `shortest`.
-    """
-    if length % decimation or length < shortest or n_lines > length * highest:
-        return None
-    # sinh(sqrt(shape² - w²)) / sqrt(shape² - w²), the transform (Jackson et al.), is small beyond
-    # w = shape; w is the angle within half a width, here that of the first line that aliases.
-    steepness = shape * np.pi * width * (1 - (n_lines - 1) * decimation / length)
-    n_taps = decimation * width
-    place = (2 * np.arange(n_taps) + 1) / n_taps - 1
-    taps = np.i0(steepness * np.sqrt(1 - place**2)) / np.i0(steepness)
-    response = fft.rfft(taps, length)[:n_lines]
-    gains = decimation**2 / (response.real**2 + response.imag**2)
-    return taps, gains, length // decimation
-
-
 @compiled
-def set_segments(signals, first, step, window, remove_mean, taps, segments):
+def set_segments(signals, first, step, window, remove_mean, segments):
     length = len(window)
-    overhang = 0 if taps is None else len(taps) - 4
-    whole = np.empty(length + overhang)
     for c in range(len(signals)):
         for s in range(segments.shape[1]):
-            part = signals[c, first + s * step :][:length]
+            part, segment = signals[c, first + s * step :][:length], segments[c, s]
             mean = part.mean() if remove_mean else 0.0
-            segment = segments[c, s] if taps is None else whole
             for i in range(length):
                 segment[i] = (part[i] - mean) * window[i]
-            if taps is not None:
-                whole[length:] = whole[:overhang]
-                _keep_every_fourth(whole, taps, segments[c, s])
-
-
-@compiled
-def _keep_every_fourth(segment, taps, output):
-    for j in range(0, len(output), 8):
-        j = min(j, len(output) - 8)
-        part, kept = segment[4 * j : 4 * j + len(taps) + 28], output[j : j + 8]
-        s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0
-        for k in range(len(taps)):  # eight sums, so that a tap and a sample are loaded once for all
-            tap = taps[k]
-            s0 += tap * part[k]
-            s1 += tap * part[k + 4]
-            s2 += tap * part[k + 8]
-            s3 += tap * part[k + 12]
-            s4 += tap * part[k + 16]
-            s5 += tap * part[k + 20]
-            s6 += tap * part[k + 24]
-            s7 += tap * part[k + 28]
-        kept[0], kept[1], kept[2], kept[3] = s0, s1, s2, s3
-        kept[4], kept[5], kept[6], kept[7] = s4, s5, s6, s7
 
 
 @compiled

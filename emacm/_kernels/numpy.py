@@ -275,30 +275,12 @@ def interpolate_linear(
         value += before
 
 
-def low_pass(length: int, n_lines: int) -> None:
-    """Return what segments are filtered by before they are decimated: nothing, as it is slower.
-
-    Parameters
-    ----------
-    length : int
-        Samples of a segment.
-    n_lines : int
-        Lowest spectral lines that are wanted.
-
-    Returns
-    -------
-    (ndarray of shape (n_taps,), ndarray of shape (n_lines,), int) or None
-        Taps, factors of the powers of the lines, and samples that are kept of a segment.
-    """
-
-
 def set_segments(
     signals: Array,
     first: int,
     step: int,
     window: Array,
     remove_mean: bool,
-    taps: Array | None,
     segments: Array,
 ) -> None:
     """Cut signals into segments and multiply them by a window.
@@ -313,10 +295,8 @@ def set_segments(
     window : ndarray of shape (n_per_segment,)
     remove_mean : bool
         Subtract the mean of each segment first.
-    taps : ndarray or None
-        What `low_pass` returns: each segment is filtered by them, and decimated.
     segments : ndarray of shape (n_signals, n_segments, n_per_segment)
-        What is set; of decimated segments, the last axis is shorter.
+        What is set.
     """
     part = signals[:, first : first + (segments.shape[1] - 1) * step + len(window)]
     row, sample = part.strides

@@ -256,37 +256,26 @@ class SegmentPlan:
             lines = (transforms[..., : self.n_orders] for transforms in batches)
             return np.concatenate([part.real**2 + part.imag**2 for part in lines], axis=1)
         loops, length = _kernels.loops, self.n_per_segment
-        decimated = None if self.detrend == "linear" else loops.low_pass(length, self.n_orders)
-        taps, gains, n_kept = decimated or (None, 1.0, length)
         total = np.zeros((len(section), self.n_orders))
-        n_rows = max(1, loops.BLOCKS.segment_bytes // (8 * n_kept))  # less memory for long segments
+        n_rows = max(1, loops.BLOCKS.segment_bytes // (8 * length))  # less memory for long segments
         for row in range(0, len(section), n_rows):
             rows = slice(row, row + n_rows)
-            for transforms in self._transforms(section[rows], n_segments, taps, n_kept):
+            for transforms in self._transforms(section[rows], n_segments):
                 loops.add_powers(transforms, total[rows])
                 del transforms  # before the next ones are made
-        return total * gains
+        return total
 
-    def _transforms(
-        self,
-        section: NDArray[np.floating],
-        n_segments: int,
-        taps: NDArray[np.floating] | None = None,
-        n_kept: int | None = None,
-    ) -> Iterator[Lines]:
-        """Yield the Fourier transforms of a few segments of all channels at a time.
-
-        Of segments that are decimated, `n_kept` samples are kept.
-        """
+    def _transforms(self, section: NDArray[np.floating], n_segments: int) -> Iterator[Lines]:
+        """Yield the Fourier transforms of a few segments of all channels at a time."""
         loops, length, linear = _kernels.loops, self.n_per_segment, self.detrend == "linear"
         if section.dtype != np.float64 or not section.flags.c_contiguous:  # what is read only
             section = np.ascontiguousarray(section, np.float64)
-        at_once = max(1, loops.BLOCKS.segment_bytes // (8 * (n_kept or length) * len(section)))
+        at_once = max(1, loops.BLOCKS.segment_bytes // (8 * length * len(section)))
         window = np.ones(length) if linear else self.weights
         for start in range(0, n_segments, at_once):
-            segments = np.empty((len(section), min(at_once, n_segments - start), n_kept or length))
+            segments = np.empty((len(section), min(at_once, n_segments - start), length))
             cut = start * self.step, self.step, window, self.detrend == "constant"
-            loops.set_segments(section, *cut, taps, segments)
+            loops.set_segments(section, *cut, segments)
             if linear:
                 segments = detrended(segments, self.detrend) * self.weights
             transforms = [fft.rfft(segments)]
