@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -21,15 +21,9 @@ _LABELS = ("state", "load_kgf", "run", "group")
 _SIGNALS = ("current", "position_error", "set_point")
 
 
-class CranfieldRecordings(NamedTuple):
-    """Result of `load_cranfield`."""
-
-    recordings: list[Recording]
-    labels: NDArray[np.str_]
-    frame: pd.DataFrame
-
-
-def load_cranfield(path: str | Path) -> CranfieldRecordings:
+def load_cranfield(
+    path: str | Path,
+) -> tuple[list[Recording], NDArray[np.str_], pd.DataFrame]:
     """Read a file of the Cranfield linear actuator [1]_.
 
     A ball screw (lead 5 mm) moves a load out and back with a trapezoidal speed profile.
@@ -88,7 +82,7 @@ def load_cranfield(path: str | Path) -> CranfieldRecordings:
         for index, meta in zip(kept, frame.to_dict("records"), strict=True)
     ]
     labels = frame.pop("state").to_numpy(str)
-    return CranfieldRecordings(recordings, labels, frame)
+    return recordings, labels, frame
 
 
 def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:

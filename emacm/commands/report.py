@@ -13,7 +13,7 @@ from emacm.commands.parsers import expanded
 from emacm.files.folder import open_recording
 from emacm.files.layout import Layout
 from emacm.reports import inputs
-from emacm.reports.maintenance import Reports, read_settings
+from emacm.reports.maintenance import Reports, add_since, read_settings
 from emacm.reports.pages import Page
 
 
@@ -88,4 +88,6 @@ class FileReports:
         if history is not None:
             history = inputs.with_units_and_times(history, layout, unit, self._time)
         names = [str(path) for path in paths]
-        return self._reports.pages(sources, names, history, units, times, self._time or "")
+        pages = self._reports.pages(sources, names)
+        add_since(pages, history, units, times, self._time or "")
+        return pages

@@ -143,8 +143,9 @@ def maintenance_report(
     times = None if time is None else read_meta(entries, time, role="time", arrays=True)
     names = [str(getattr(entry, "path", f"recording {n}")) for n, entry in enumerate(entries)]
     sources = [partial(entries.__getitem__, n) for n in range(len(entries))]
-    counter = time if isinstance(time, str) else ""
-    return reports.write(reports.pages(sources, names, history, units, times, counter))
+    pages = reports.pages(sources, names)
+    add_since(pages, history, units, times, time if isinstance(time, str) else "")
+    return reports.write(pages)
 
 
 class Reports:
@@ -171,22 +172,10 @@ class Reports:
         if not self._is_file:
             target.mkdir(parents=True, exist_ok=True)
 
-    def pages(
-        self,
-        sources: Sequence[Callable[[], Any]],
-        names: Sequence[str],
-        history: Any = None,
-        units: list[Any] | None = None,
-        times: list[Any] | None = None,
-        counter: str = "",
-    ) -> list[Page]:
-        """Return the pages of recordings that functions open; see `add_since`."""
-        pages = [
-            page_of(self._settings, source, name)
-            for source, name in zip(sources, names, strict=True)
-        ]
-        add_since(pages, history, units, times, counter)
-        return pages
+    def pages(self, sources: Sequence[Callable[[], Any]], names: Sequence[str]) -> list[Page]:
+        """Return the pages of recordings that functions open."""
+        pairs = zip(sources, names, strict=True)
+        return [page_of(self._settings, source, name) for source, name in pairs]
 
     def missing(self, names: Sequence[str]) -> list[bool]:
         """Return for each recording whether its page has not been written before."""
