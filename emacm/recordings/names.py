@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from math import pi
@@ -46,6 +47,27 @@ _UNITS: dict[str, dict[float, tuple[str, ...]]] = {  # of each quantity, by thei
     "pressure": {1.0: ("Pa",), 1e2: ("hPa", "mbar"), 1e3: ("kPa",), 1e6: ("MPa",), 1e5: ("bar",)},
     "power": {1.0: ("W",), 1e3: ("kW",), 1e-3: ("mW",)},
 }
+
+
+def printable(path: str | os.PathLike[str]) -> str:
+    r"""Return the name of a file as it can be printed and stored, also if it is not UTF-8.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; bytes of its name that are not UTF-8, as of umlauts in Latin-1, are surrogates.
+
+    Returns
+    -------
+    str
+        The same, with such bytes written as ``\xfc``.
+
+    Examples
+    --------
+    >>> print(printable(os.fsdecode(b"pr\xfcfung.csv")), printable("prüfung.csv"))
+    pr\xfcfung.csv prüfung.csv
+    """
+    return os.fsencode(path).decode("utf-8", "backslashreplace")
 
 
 def chosen_channels(channels: Any, known: Sequence[str]) -> tuple[str, ...]:
