@@ -21,6 +21,11 @@ from sklearn.base import BaseEstimator
 
 from emacm._version import __version__
 
+try:
+    import fcntl
+except ImportError:  # on Windows
+    fcntl = None  # type: ignore[assignment]
+
 _KEY = "_emacm_version"
 _KIND = "_emacm_kind"  # key of a value that is written as lists
 _as_lists: ContextVar[bool] = ContextVar("_as_lists", default=False)
@@ -68,6 +73,37 @@ def written_whole(path: Path) -> Iterator[Path]:
         raise
     finally:
         unfinished.unlink(missing_ok=True)
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Let no other process use `path` meanwhile; nothing is locked on systems without fcntl.
+
+    The lock on a file beside `path` ends with the process, also if it is killed.
+
+    Raises
+    ------
+    ValueError
+        If another process uses `path`.
+    """
+    if fcntl is None:
+        yield
+        return
+    beside = path.with_name(f".{path.name}.lock")
+    with open(beside, "w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            free = os.fstat(file.fileno()).st_nlink > 0  # not that of a process just ended
+        except BlockingIOError:
+            free = False
+        if not free:
+            raise ValueError(
+                f"{path} is used by another process. Wait for its end, or give another file."
+            )
+        try:
+            yield
+        finally:
+            beside.unlink(missing_ok=True)
 
 
 @contextmanager

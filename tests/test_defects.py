@@ -19,6 +19,7 @@ from emacm import (
     load_model,
     save_model,
 )
+from emacm._saved import locked
 
 # Estimators
 
@@ -94,3 +95,13 @@ def test_spikes_of_the_shaft_angle_are_named_and_refused_as_jumps_are(size, widt
 # Scores and pages
 
 # Monitors
+
+
+def test_a_file_is_used_by_one_process_at_a_time(tmp_path):
+    pytest.importorskip("fcntl", reason="not on Windows")
+    path = tmp_path / "rows.csv"
+    with locked(path), pytest.raises(ValueError, match="used by another process"), locked(path):
+        pass
+    with locked(path):
+        pass
+    assert not list(tmp_path.iterdir())
