@@ -209,68 +209,6 @@ def _spread_two(signals, means, weights, cells, rows):
 
 
 @compiled
-def _spread_four(signals, means, weights, cells, rows):
-    x_s, x_t, x_u, x_v = signals
-    mean_s, mean_t, mean_u, mean_v = means
-    row_s, row_t, row_u, row_v = rows
-    w0, w1, w2, w3 = weights
-    s0 = s1 = s2 = s3 = 0.0
-    t0 = t1 = t2 = t3 = 0.0
-    u0 = u1 = u2 = u3 = 0.0
-    v0 = v1 = v2 = v3 = 0.0
-    cell = cells[0]
-    for i in range(len(cells)):
-        if cells[i] != cell:  # what is complete leaves the registers
-            row_s[cell] += s0
-            row_t[cell] += t0
-            row_u[cell] += u0
-            row_v[cell] += v0
-            if cells[i] == cell + 1:
-                s0, s1, s2, s3 = s1, s2, s3, 0.0
-                t0, t1, t2, t3 = t1, t2, t3, 0.0
-                u0, u1, u2, u3 = u1, u2, u3, 0.0
-                v0, v1, v2, v3 = v1, v2, v3, 0.0
-            else:
-                _add_three(row_s, cell, s1, s2, s3)
-                _add_three(row_t, cell, t1, t2, t3)
-                _add_three(row_u, cell, u1, u2, u3)
-                _add_three(row_v, cell, v1, v2, v3)
-                s0 = s1 = s2 = s3 = 0.0
-                t0 = t1 = t2 = t3 = 0.0
-                u0 = u1 = u2 = u3 = 0.0
-                v0 = v1 = v2 = v3 = 0.0
-            cell = cells[i]
-        value = x_s[i] - mean_s
-        s0 += value * w0[i]
-        s1 += value * w1[i]
-        s2 += value * w2[i]
-        s3 += value * w3[i]
-        value = x_t[i] - mean_t
-        t0 += value * w0[i]
-        t1 += value * w1[i]
-        t2 += value * w2[i]
-        t3 += value * w3[i]
-        value = x_u[i] - mean_u
-        u0 += value * w0[i]
-        u1 += value * w1[i]
-        u2 += value * w2[i]
-        u3 += value * w3[i]
-        value = x_v[i] - mean_v
-        v0 += value * w0[i]
-        v1 += value * w1[i]
-        v2 += value * w2[i]
-        v3 += value * w3[i]
-    row_s[cell] += s0
-    _add_three(row_s, cell, s1, s2, s3)
-    row_t[cell] += t0
-    _add_three(row_t, cell, t1, t2, t3)
-    row_u[cell] += u0
-    _add_three(row_u, cell, u1, u2, u3)
-    row_v[cell] += v0
-    _add_three(row_v, cell, v1, v2, v3)
-
-
-@compiled
 def _add_three(row, cell, one, two, three):
     row[cell + 1] += one
     row[cell + 2] += two
@@ -298,7 +236,6 @@ def _resample(
 ):
     n_times, at_once, n_rows = len(near) - 2, held.shape[1], len(grid)
     weights = held[0], held[1], held[2], held[3]
-    fours = n_rows // 4 * 4
     spare = np.zeros(grid.shape[1] if n_rows % 2 else 0)  # beside a row that is left over
     for number in range(len(n_points)):
         used, n_outputs = n_points[number], ready[number]
@@ -307,12 +244,7 @@ def _resample(
             end = min(low + at_once, stop)
             some = cells[: end - low]
             _set_weights(near[low : end + 2], scale, offset, kernel, used, weights, some)
-            for k in range(0, fours, 4):  # several at a time: an addition waits for the one before
-                rows = x[k][low:end], x[k + 1][low:end], x[k + 2][low:end], x[k + 3][low:end]
-                onto = grid[k], grid[k + 1], grid[k + 2], grid[k + 3]
-                four_means = means[k], means[k + 1], means[k + 2], means[k + 3]
-                _spread_four(rows, four_means, weights, some, onto)
-            for k in range(fours, n_rows, 2):
+            for k in range(0, n_rows, 2):  # in pairs: an addition waits for the one before it
                 paired = k + 1 < n_rows
                 pair = grid[k], grid[k + 1] if paired else spare
                 two_means = means[k], means[k + 1] if paired else 0.0
