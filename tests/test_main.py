@@ -36,13 +36,6 @@ def test_without_matplotlib_the_extra_is_named(monkeypatch, tmp_path, capsys):
     assert "pip install 'emacm[plot]'" in capsys.readouterr().err
 
 
-def test_an_unknown_command_is_refused(capsys):
-    with pytest.raises(SystemExit) as stopped:
-        main(["dance"])
-    assert stopped.value.code == 2
-    assert "invalid choice: 'dance'" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("jobs", ["0", "two"])
 def test_a_number_of_jobs_that_cannot_be_is_refused_at_once(jobs, tmp_path, capsys):
     with pytest.raises(SystemExit, match="2"):
