@@ -1,5 +1,6 @@
 """Defects that were found in use, one test for each, so that they do not come back."""
 
+import re
 from contextlib import contextmanager
 
 import numpy as np
@@ -88,6 +89,32 @@ def test_spikes_of_the_shaft_angle_are_named_and_refused_as_jumps_are(size, widt
     assert f"angle jumps by {abs(size):.0f}" in OrderResampler().quality(recordings).warnings[0]
     with pytest.raises(ValueError, match="Repair it"):
         OrderResampler().fit_transform(recordings)
+
+
+TIMES = np.arange(150_000) / 50_000
+TONE = np.sin(2 * np.pi * 37 * TIMES)
+CURRENT = TONE + 0.02 * np.random.default_rng(1).standard_normal(len(TIMES))
+IN_GAP = np.isin(np.arange(len(TIMES)) // 250, [7 + 40 * k + k % 7 for k in range(15)])  # of 5 ms
+LAST = np.maximum.accumulate(np.where(IN_GAP, 0, np.arange(len(TIMES))))  # sample before a gap
+CHANNELS = {
+    "int8": ((150 * TONE).astype(np.int64).astype(np.int8), "integers overflow"),
+    "int16, scaled": (1e-3 * (4e4 * CURRENT).astype(np.int64).astype(np.int16), "overflow"),
+    "an offset": (1e6 + CURRENT, "offset of 1e.06"),
+    "an offset in float32": (np.float32(1e6 + CURRENT), "offset of 1e.06"),
+    "zeros in 2.5 % of the time": (np.where(IN_GAP, 0.0, CURRENT), "drop-outs"),
+    "held in 2.5 % of the time": (CURRENT[LAST], "drop-outs"),
+    "a tone of 16 bits": (np.round(32_767 * TONE), "^$"),
+    "a temperature": (300 + 0.02 * CURRENT, "^$"),
+    "a wrapped angle": ((200 * TIMES + 0.1 * TONE) % (2 * np.pi), "^$"),
+    "a square wave with noise": (0.1 * CURRENT + np.sign(TONE), "^$"),
+    "a fast tone": (np.sin(2 * np.pi * 14_900 * TIMES), "^$"),
+}
+
+
+@pytest.mark.parametrize(("values", "warning"), CHANNELS.values(), ids=CHANNELS)
+def test_overflow_offsets_and_short_drop_outs_are_named_and_nothing_else(values, warning):
+    recording = Recording({"x": values}, 50_000, velocity=np.full(len(values), 60.0))
+    assert re.search(warning, OrderResampler().quality([recording]).warnings[0])
 
 
 # Files

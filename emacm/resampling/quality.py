@@ -168,14 +168,14 @@ class ChannelCheckSettings:
     clipped, held : int
         Equal samples in succession: at the extremes, and anywhere.
     stretches : int
-        Fewest stretches of them; fewer may be coincidence, or the machine at rest.
+        Fewest stretches of them, or wrap-arounds; fewer may be coincidence, or the machine at rest.
     few : float
         Fraction of equal neighbours below which nothing is clipped or lost.
     sharp : float
         Smallest step at the end of a stretch, in usual steps: those of a signal that comes to rest
         are smaller.
     gap : int
-        Equal samples of a single gap.
+        Equal samples of a single gap: a little less than 5 ms at 10 kHz.
     chance : float
         Probability of so many by coincidence.
     rough : float
@@ -186,6 +186,30 @@ class ChannelCheckSettings:
         Smallest step, in usual steps, of a signal that noise changes even at standstill.
     digital : float
         Fraction of time at constant values above which a signal is a switch.
+    lost : float
+        Fraction of time in drop-outs from which they are reported. It is low, as the blocks may
+        contain few of the drop-outs: 2 % in gaps of 5 ms at 50 kHz are three gaps in 32 blocks.
+    leap : float
+        Step at the end of a gap, in usual steps, of a smooth signal: one that has come to rest
+        starts more slowly.
+    offset : float
+        Largest mean, in standard deviations. Above it, float32 and a converter of 24 bits resolve
+        less than 1/280 of a standard deviation. A temperature of 300 K, constant to 0.01 K, and a
+        supply of 24 V with a ripple of 1 mV remain below.
+    far : float
+        Size of a wrap-around, in ranges of the signal.
+    close : float
+        What it lacks to the full range (median), in ranges: the true step. Of the largest steps of
+        rolling bearings it is 0.2 and more, of tones up to a third of the sampling rate 0.17.
+    beside : float
+        Largest step beside a wrap-around, in true steps (medians); of faster tones 2.6 and more.
+    onward : float
+        Fraction of wrap-arounds beside which the signal does not move back: 1/2 of the edges of a
+        square wave with noise, 0.83 and more of wrap-arounds.
+    turns : float
+        Fraction of wrap-arounds that are followed by one back: none of a wrapped angle.
+    between : float
+        Fraction of time in the middle half of the range: none of a switch.
     """
 
     n_blocks: int = 32
@@ -195,12 +219,21 @@ class ChannelCheckSettings:
     stretches: int = 5
     few: float = 1e-3
     sharp: float = 0.3
-    gap: int = 64
+    gap: int = 48
     chance: float = 1e-6
     rough: float = 0.1
     near: int = 8
     fine: float = 0.02
     digital: float = 0.9
+    lost: float = 0.005
+    leap: float = 5.0
+    offset: float = 3e4
+    far: float = 0.75
+    close: float = 0.17
+    beside: float = 2.2
+    onward: float = 0.75
+    turns: float = 0.2
+    between: float = 0.1
 
 
 CHANNEL_CHECKS = ChannelCheckSettings()
@@ -213,7 +246,7 @@ class ChannelCheck(NamedTuple):
     ----------
     level : float
         Root mean square of the deviations from the mean, in the unit of the channel.
-    defect : {"", "constant", "clipped", "drop-outs"}
+    defect : {"", "constant", "offset", "wrap-around", "clipped", "drop-outs"}
         What is wrong; empty if nothing.
     text : str
         Description of the defect.
@@ -254,8 +287,14 @@ def check_channel(
     or more samples, and reaches this value by steps of the usual size. A coarsely quantised signal
     with a smooth maximum reaches it by small steps, so it is not clipped. Drop-outs are stretches
     of 16 or more equal samples, at any value, that begin and end with such steps. A single one of
-    64 or more is sufficient where the shaft turns, if the signal has no plateaus and so many equal
-    samples are no coincidence. Signals with few values (switches) are left out.
+    48 or more is sufficient where the shaft turns, if the signal has no plateaus and so many equal
+    samples are no coincidence; of a smooth signal one of 16, if it ends with a leap of five usual
+    steps. Signals with few values (switches) are left out.
+
+    An offset is reported above 30,000 standard deviations, where few digits are left for the
+    signal. Integers that overflow jump to and fro between both extremes, by the range less a usual
+    step. They are recognised if the signal is smooth enough to move by less than about 0.15 of the
+    range per sample: in white noise, a wrap-around looks like any other step.
 
     Examples
     --------
@@ -273,11 +312,22 @@ def check_channel(
         text = f"channel {name!r} is constant ({rows[0, 0]:.4g}): cable or sensor?"
         return ChannelCheck(0.0, "constant", text)
     scaled = rows / largest if largest > 0 else rows  # squares of any finite value
-    defect, where = _flat_stretches(scaled, starts, [(a * n, b * n) for a, b in turning], settings)
+    level, mean, steps = float(scaled.std()), float(scaled.mean()), np.diff(scaled, axis=1)
+    if np.ptp(rows) and abs(mean) > settings.offset * level:
+        text = (
+            f"channel {name!r} has an offset of {mean * largest:.4g}, {abs(mean) / level:.1g} "
+            f"times its standard deviation: measure it with AC coupling, or leave the channel out"
+        )
+        return ChannelCheck(level * largest, "offset", text)
+    if _wraps_around(scaled, steps, settings):
+        text = f"channel {name!r} jumps from one extreme to the other: do its integers overflow?"
+        return ChannelCheck(level * largest, "wrap-around", text)
+    parts = [(a * n, b * n) for a, b in turning]
+    defect, where = _flat_stretches(scaled, np.abs(steps), starts, parts, settings)
     text = f"channel {name!r} is clipped at {where * largest:.4g}"
     if defect == "drop-outs":
         text = f"channel {name!r} has drop-outs: in {100 * where:.2g} % of the time it is constant"
-    return ChannelCheck(float(scaled.std()) * largest, defect, text if defect else "")
+    return ChannelCheck(level * largest, defect, text if defect else "")
 
 
 def _sampled(series: Series, settings: ChannelCheckSettings) -> tuple[Array, NDArray[np.intp]]:
@@ -290,8 +340,37 @@ def _sampled(series: Series, settings: ChannelCheckSettings) -> tuple[Array, NDA
     return np.array(blocks_of, np.float64), starts
 
 
+def _wraps_around(rows: Array, steps: Array, settings: ChannelCheckSettings) -> bool:
+    """Return whether a continuous signal jumps to and fro between its extremes.
+
+    It goes on beyond the extreme, and each jump is the range less a usual step. A switch has no
+    values in between, an impulse or a fast tone has large steps beside its largest one.
+    """
+    span = np.ptp(rows)
+    block, place = np.nonzero(np.abs(steps) > settings.far * span)
+    if len(place) < settings.stretches:
+        return False
+    jumps = steps[block, place]
+    ways = np.sign(jumps)
+    padded = np.pad(steps, ((0, 0), (1, 1)))
+    beside = np.array([padded[block, place], padded[block, place + 2]])
+    onward = -beside.sum(axis=0) * ways
+    is_jump = np.abs(beside) > settings.far * span  # noise crosses the limit several times
+    largest = np.where(is_jump.all(axis=0), np.inf, np.abs(beside * ~is_jump).max(axis=0))
+    between = np.abs(rows - (rows.max() + rows.min()) / 2) < span / 4
+    missing = np.median(span - np.abs(jumps)) + np.abs(steps[steps != 0]).min()
+    return bool(
+        missing < settings.close * span
+        and np.median(largest) < settings.beside * missing
+        and np.mean(onward >= 0) > settings.onward
+        and np.mean(ways[1:] != ways[:-1]) > settings.turns
+        and between.mean() > settings.between
+    )
+
+
 def _flat_stretches(
     rows: Array,
+    steps: Array,
     starts: NDArray[np.intp],
     turning: Sequence[tuple[float, float]],
     settings: ChannelCheckSettings,
@@ -302,6 +381,8 @@ def _flat_stretches(
     ----------
     rows : ndarray of shape (n_blocks, n_times)
         Blocks of the channel.
+    steps : ndarray of shape (n_blocks, n_times - 1)
+        Sizes of their steps.
     starts : ndarray of shape (n_blocks,)
         Samples at which they begin.
     turning : sequence of (float, float)
@@ -314,7 +395,6 @@ def _flat_stretches(
     defect : {"", "clipped", "drop-outs"}
     where : float
     """
-    steps = np.abs(np.diff(rows, axis=1))
     equal = steps == 0
     if equal.mean() < settings.few or equal.all():
         return "", 0.0
@@ -336,11 +416,16 @@ def _flat_stretches(
             return "clipped", float(extreme)
     held = lengths >= settings.held
     share = float(lengths[held].sum() / rows.size)
-    if np.count_nonzero(held & sharp) >= settings.stretches and 0.01 < share < settings.digital:
+    if (
+        np.count_nonzero(held & sharp) >= settings.stretches
+        and settings.lost < share < settings.digital
+    ):
         return "drop-outs", share
     # A single gap counts while the shaft turns, in a signal whose samples differ otherwise.
-    is_long = lengths >= settings.gap
-    if not is_long.any() or usual < settings.rough * rows.std():
+    is_rough = usual >= settings.rough * rows.std()
+    shortest = settings.gap if is_rough else settings.held
+    is_long = lengths >= shortest
+    if not is_long.any() or share >= settings.digital:
         return "", 0.0
     begin = starts[first // width] + first % width
     turned, is_within = _while_turning(begin, begin + lengths, turning)
@@ -352,8 +437,10 @@ def _flat_stretches(
     is_unknown = (outer == 0) | ~is_within  # beyond a block
     is_cut = (active | is_unknown).all(axis=0) & active.any(axis=0)
     is_cut |= finest <= settings.fine * usual
-    share = float(turned[(turned >= settings.gap) & is_rare & is_cut].sum() / rows.size)
-    return ("drop-outs", share) if 0.01 < share < settings.digital else ("", 0.0)
+    if not is_rough:  # it may have plateaus, which it leaves slowly
+        is_cut = outer.max(axis=0) > settings.leap * usual
+    share = float(turned[(turned >= shortest) & is_rare & is_cut].sum() / rows.size)
+    return ("drop-outs", share) if settings.lost < share < settings.digital else ("", 0.0)
 
 
 def _while_turning(
