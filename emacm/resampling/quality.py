@@ -307,23 +307,27 @@ def check_channel(
     if isinstance(series, LazySeries) and series.sources:
         series = series.sources[0]
     rows, starts = _sampled(series, settings)
-    largest, n = float(np.abs(rows).max()), len(series)
-    if np.ptp(rows) == 0 and all((block == rows[0, 0]).all() for _, block in blocks(series)):
+    low, high, n = float(rows.min()), float(rows.max()), len(series)
+    largest = max(high, -low)
+    if low == high and all((block == rows[0, 0]).all() for _, block in blocks(series)):
         text = f"channel {name!r} is constant ({rows[0, 0]:.4g}): cable or sensor?"
         return ChannelCheck(0.0, "constant", text)
     scaled = rows / largest if largest > 0 else rows  # squares of any finite value
     level, mean, steps = float(scaled.std()), float(scaled.mean()), np.diff(scaled, axis=1)
-    if np.ptp(rows) and abs(mean) > settings.offset * level:
+    if low < high and abs(mean) > settings.offset * level:
         text = (
             f"channel {name!r} has an offset of {mean * largest:.4g}, {abs(mean) / level:.1g} "
             f"times its standard deviation: measure it with AC coupling, or leave the channel out"
         )
         return ChannelCheck(level * largest, "offset", text)
-    if _wraps_around(scaled, steps, settings):
+    sizes = np.abs(steps)
+    if sizes.max(initial=0.0) * largest > settings.far * (high - low) and _wraps_around(
+        scaled, steps, settings
+    ):
         text = f"channel {name!r} jumps from one extreme to the other: do its integers overflow?"
         return ChannelCheck(level * largest, "wrap-around", text)
     parts = [(a * n, b * n) for a, b in turning]
-    defect, where = _flat_stretches(scaled, np.abs(steps), starts, parts, settings)
+    defect, where = _flat_stretches(scaled, sizes, starts, parts, settings)
     text = f"channel {name!r} is clipped at {where * largest:.4g}"
     if defect == "drop-outs":
         text = f"channel {name!r} has drop-outs: in {100 * where:.2g} % of the time it is constant"
@@ -425,21 +429,22 @@ def _flat_stretches(
     is_rough = usual >= settings.rough * rows.std()
     shortest = settings.gap if is_rough else settings.held
     is_long = lengths >= shortest
+    if not is_rough:  # it may have plateaus, which it leaves slowly
+        is_long &= outer.max(axis=0) > settings.leap * usual
     if not is_long.any() or share >= settings.digital:
         return "", 0.0
+    first, last, lengths, outer = first[is_long], last[is_long], lengths[is_long], outer[:, is_long]
     begin = starts[first // width] + first % width
     turned, is_within = _while_turning(begin, begin + lengths, turning)
-    n_long = int((lengths[is_long] - 1).sum())
+    n_long = int((lengths - 1).sum())
     often = max((equal.sum() - n_long) / (equal.size - n_long), 1 / equal.size)
-    is_rare = np.log(equal.size) + (turned - 1) * np.log(often) < np.log(settings.chance)
-    # Near its ends the signal is active, unlike one that comes to rest, or the shaft is at rest.
-    active = maximum_filter1d(around, 2 * settings.near + 1)[[first, last + 1]] > step
-    is_unknown = (outer == 0) | ~is_within  # beyond a block
-    is_cut = (active | is_unknown).all(axis=0) & active.any(axis=0)
-    is_cut |= finest <= settings.fine * usual
-    if not is_rough:  # it may have plateaus, which it leaves slowly
-        is_cut = outer.max(axis=0) > settings.leap * usual
-    share = float(turned[(turned >= shortest) & is_rare & is_cut].sum() / rows.size)
+    is_lost = np.log(equal.size) + (turned - 1) * np.log(often) < np.log(settings.chance)
+    if is_rough and finest > settings.fine * usual:
+        # Near its ends the signal is active, unlike one that comes to rest, or the shaft is at rest
+        active = maximum_filter1d(around, 2 * settings.near + 1)[[first, last + 1]] > step
+        is_unknown = (outer == 0) | ~is_within  # beyond a block
+        is_lost &= (active | is_unknown).all(axis=0) & active.any(axis=0)
+    share = float(turned[(turned >= shortest) & is_lost].sum() / rows.size)
     return ("drop-outs", share) if settings.lost < share < settings.digital else ("", 0.0)
 
 
