@@ -236,7 +236,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         TypeError, ValueError
             If a recording lacks a channel or has others, if its shaft never
             turns (in the wanted direction) faster than `min_speed`, or if its shaft
-            reference has an isolated jump of more than half a revolution.
+            reference has an isolated jump or spike of more than half a revolution.
 
         See Also
         --------
@@ -271,7 +271,8 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             - ``slowest``, ``fastest`` [rad/s]: range of its speed in strokes,
             - ``max_order`` [cycles per rev]: highest order that the sampling rates support at
               the highest speed; above it the spectrum contains only images,
-            - ``warnings`` [text]: description of the defects; empty if there are none.
+            - ``warnings`` [text]: description of the defects of channels (constant, clipped,
+              drop-outs, overflow, offset) and of the shaft (jumps, spikes); empty if there are none
         """
         self._check_parameters()
         qualities = run(recording_quality, self._rows(X), n_jobs=self.n_jobs)
