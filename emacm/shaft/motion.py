@@ -512,6 +512,9 @@ def _sections(
     velocity: NDArray[np.floating], min_speed: float, max_gap: float
 ) -> Iterator[tuple[int, int, int]]:
     """Yield first sample, last + 1 and direction of the strokes within one block."""
+    if len(velocity) and max(velocity.min(), -velocity.max()) > min_speed:  # as in most blocks
+        yield 0, len(velocity), int(np.sign(velocity[0]))
+        return
     turning = np.flatnonzero(np.abs(velocity) > min_speed)
     if not len(turning):
         return
