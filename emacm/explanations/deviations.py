@@ -171,9 +171,11 @@ def _gain(own: pd.DataFrame) -> float | None:
 
     0 if they are in this range. One bin in ten may deviate.
     """
-    least, most = (own["largest"] - _LIMITS.least, own["least"] + _LIMITS.least)
+    least = own["largest"].to_numpy() - _LIMITS.least
+    most = own["least"].to_numpy() + _LIMITS.least
     candidates = np.concatenate([[0.0], least, most])
-    covered = np.array([np.mean((least <= gain) & (gain <= most)) for gain in candidates])
+    gains = candidates[:, np.newaxis]
+    covered = ((least <= gains) & (gains <= most)).mean(axis=1)
     if covered[0] >= _LIMITS.covered:
         return 0.0
     best = covered.max()
