@@ -22,13 +22,13 @@ from emacm.streams.spectrum_stream import Settings, SpectrumStream
 from emacm.streams.streamed_models import Reading, ReadingAlarms, StreamedModel
 
 _ON = (
-    "Nothing of this block was taken: repair the samples and push them again, or flush() and go on "
-    "after them."
+    "Nothing of this block, and of short ones collected with it, was taken: repair the samples and "
+    "push them again, or flush() and go on after them."
 )
 
 
 class StreamInput(Resumable):
-    """Checks blocks of samples, and unwraps wrapped angles.
+    """Collects short blocks of samples, checks them together, and unwraps wrapped angles.
 
     Parameters
     ----------
@@ -38,9 +38,16 @@ class StreamInput(Resumable):
         Rates and channels (of `names`), and highest speed of the shaft.
     wrapped : bool
         Whether angles are wrapped at 2π.
+    short : float
+        Blocks are collected until they are as long as this [s].
+
+    Attributes
+    ----------
+    n_collected : int
+        Samples of the shaft that were collected, and not checked yet.
     """
 
-    held = ("_last", "_turns")
+    held = ("_last", "_turns", "_collected", "n_collected")
 
     def __init__(
         self,
@@ -48,15 +55,51 @@ class StreamInput(Resumable):
         names: Sequence[str],
         settings: Settings,
         wrapped: bool,
+        *,
+        short: float = 0.05,
     ) -> None:
         self._channels, self._names = channels, names
         self._settings, self._wrapped = settings, wrapped
+        one_rate = len({*settings.rates}) == 1  # of the channels and the shaft
+        self._n_short = int(short * settings.shaft_fs) if one_rate else 0
         self.reset()
 
     def reset(self) -> None:
         """Begin another recording."""
         self._last: Samples = np.empty(0)  # the last angle, as measured
         self._turns = 0  # to be added to it
+        self._collected: list[Samples] = []
+        self.n_collected = 0
+
+    def collect(self, signals: Any, shaft: Any) -> bool:
+        """Keep a copy of a short block of arrays of equal lengths; tell whether it was kept."""
+        if type(shaft) is not np.ndarray or shaft.size >= self._n_short:
+            return False
+        if isinstance(signals, Mapping):
+            rows = [signals.get(name) for name in self._channels]
+            alike = all(type(row) is np.ndarray and row.shape == shaft.shape for row in rows)
+            signals = np.array(rows) if alike else None
+        wanted = (len(self._channels), shaft.size)
+        if type(signals) is not np.ndarray or signals.shape != wanted:
+            return False
+        if signals.dtype.kind not in "iuf" or shaft.dtype.kind not in "iuf":
+            return False
+        block = np.empty((len(signals) + 1, shaft.size))
+        block[:-1], block[-1] = signals, shaft
+        self._collected.append(block)
+        self.n_collected += shaft.size
+        return True
+
+    @property
+    def is_due(self) -> bool:
+        """Whether enough samples are collected."""
+        return self.n_collected >= self._n_short
+
+    def collected(self) -> Samples:
+        """Return what was collected, the shaft as the last row, and begin to collect again."""
+        block = np.concatenate(self._collected, axis=1)
+        self._collected, self.n_collected = [], 0
+        return block
 
     def checked(
         self, signals: Any, shaft: Any, reference: str, times: Sequence[float]
@@ -154,9 +197,11 @@ _PARTS = ("input", "alarms", "cutter", "stream")
 class OrderMonitor:
     """Apply a fitted model to signals while they are measured.
 
-    Samples are accepted in blocks of any length. The features of a reading are those that the model
-    computes of a `Recording` of the same samples, whatever the blocks are. Only what later results
-    depend on is held: some 21,000 samples of each channel, and a few segments.
+    Samples are accepted in blocks of any length. Blocks of arrays of one rate that are shorter than
+    50 ms are collected until they are as long, and then checked and processed together. The
+    features of a reading are those that the model computes of a `Recording` of the same samples,
+    whatever the blocks are. Only what later results depend on is held: some 21,000 samples of each
+    channel, and a few segments.
 
     Parameters
     ----------
@@ -257,7 +302,7 @@ class OrderMonitor:
     @property
     def time(self) -> float:
         """Time up to which all channels of the model and the shaft were received [s]."""
-        return min(self._times())
+        return min(self._times()) + self._input.n_collected / self._shaft_fs
 
     def push(
         self,
@@ -294,13 +339,15 @@ class OrderMonitor:
         """
         reference = "velocity" if angle is None else "angle"
         self._check_reference(reference, velocity, angle)
-        origin = self._checked_time(time)
-        self._check_memory()
         shaft = velocity if angle is None else angle
-        streams = self._input.checked(signals, shaft, reference, self._times(origin))
-        if not self._reference:
-            self._begin(reference, origin)
-        self._cutter.append(streams)
+        if time is None and self._reference and self._input.collect(signals, shaft):
+            if not self._input.is_due:
+                return []
+            self._take_collected()
+            return self._advance()
+        self._take_collected()
+        origin = self._checked_time(time)
+        self._take(signals, shaft, reference, origin)
         return self._advance()
 
     def flush(self) -> list[Reading]:
@@ -319,6 +366,8 @@ class OrderMonitor:
         """
         if not self._reference:
             return []
+        self._take_collected()
+        readings = self._advance()
         labels = [f"channel {self._names[group[0]]!r}" for group in self._groups.values()]
         counts = zip(
             [*labels, "the shaft"], self._cutter.received, self._settings.rates, strict=True
@@ -326,14 +375,16 @@ class OrderMonitor:
         check_durations({name: (range(n), rate) for name, n, rate in counts})  # type: ignore[misc]
         self._stream.append(self._cutter.take(all_of_them=True))
         end = self.time
-        readings = [self._finish(end)] if end > self._origin + self._cutter.start else []
+        if end > self._origin + self._cutter.start:
+            readings.append(self._finish(end))
         self.reset()
         return readings
 
     def reset(self) -> None:
         """Forget the samples since the start or the last reading, after an error."""
+        time = self.time
         self._input.reset()
-        self._begin("", self.time)
+        self._begin("", time)
 
     def state(self) -> bytes:
         """Return all that another monitor of this model needs to go on after the last sample.
@@ -418,6 +469,20 @@ class OrderMonitor:
             reference,
         )
         self._stream = SpectrumStream(self._settings, reference)
+
+    def _take(self, signals: Any, shaft: Any, reference: str, origin: float) -> None:
+        """Check a block, and add it to the samples of the recording, which may begin with it."""
+        self._check_memory()
+        streams = self._input.checked(signals, shaft, reference, self._times(origin))
+        if not self._reference:
+            self._begin(reference, origin)
+        self._cutter.append(streams)
+
+    def _take_collected(self) -> None:
+        """Take the short blocks that were collected."""
+        if self._input.n_collected:
+            *signals, shaft = self._input.collected()
+            self._take(signals, shaft, self._reference, self._origin)
 
     def _advance(self) -> list[Reading]:
         """Process the samples that are known to belong to an interval."""
