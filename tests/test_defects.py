@@ -11,9 +11,11 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
 
 from emacm import (
+    BinTransformer,
     CostSensitiveGaussianBayes,
     LeastRiskClassifier,
     NewUnitClassifier,
+    OrderMonitor,
     OrderPSD,
     OrderResampler,
     Recording,
@@ -115,6 +117,19 @@ CHANNELS = {
 def test_overflow_offsets_and_short_drop_outs_are_named_and_nothing_else(values, warning):
     recording = Recording({"x": values}, 50_000, velocity=np.full(len(values), 60.0))
     assert re.search(warning, OrderResampler().quality([recording]).warnings[0])
+
+
+def test_a_monitor_names_a_channel_that_begins_to_overflow():
+    force, speed = np.random.default_rng(0).standard_normal((12, 8000)), np.full(8000, 60.0)
+    force = force / 20 + np.sin(np.arange(8000) / 30)
+    model = make_pipeline(OrderResampler(), OrderPSD(4), BinTransformer(max_order=2), BAYES)
+    model.fit([Recording({"x": x}, 2000, velocity=speed) for x in force[:10]], ["a", "b"] * 5)
+    monitor = OrderMonitor(model, fs=2000, channels=["x"], max_speed=100)
+    alarms = []
+    for block in (force[10], (120 * force[11]).astype(int).astype(np.int8) / 120):
+        monitor.push([block], velocity=speed)
+        alarms += [" ".join(reading.alarms) for reading in monitor.flush()]
+    assert ["overflow" in text for text in alarms] == [False, True]
 
 
 # Files

@@ -308,30 +308,29 @@ def check_channel(
         series = series.sources[0]
     rows, starts = _sampled(series, settings)
     low, high, n = float(rows.min()), float(rows.max()), len(series)
-    largest = max(high, -low)
+    largest = max(high, -low) or 1.0
     if low == high and all((block == rows[0, 0]).all() for _, block in blocks(series)):
         text = f"channel {name!r} is constant ({rows[0, 0]:.4g}): cable or sensor?"
         return ChannelCheck(0.0, "constant", text)
-    scaled = rows / largest if largest > 0 else rows  # squares of any finite value
-    level, mean, steps = float(scaled.std()), float(scaled.mean()), np.diff(scaled, axis=1)
-    if low < high and abs(mean) > settings.offset * level:
-        text = (
-            f"channel {name!r} has an offset of {mean * largest:.4g}, {abs(mean) / level:.1g} "
-            f"times its standard deviation: measure it with AC coupling, or leave the channel out"
-        )
-        return ChannelCheck(level * largest, "offset", text)
+    scaled = rows / largest  # squares of any finite value
+    level, mean, where = float(scaled.std()), float(scaled.mean()), 0.0
+    steps, far = np.diff(scaled, axis=1), settings.far * (high - low) / largest
     sizes = np.abs(steps)
-    if sizes.max(initial=0.0) * largest > settings.far * (high - low) and _wraps_around(
-        scaled, steps, settings
-    ):
-        text = f"channel {name!r} jumps from one extreme to the other: do its integers overflow?"
-        return ChannelCheck(level * largest, "wrap-around", text)
-    parts = [(a * n, b * n) for a, b in turning]
-    defect, where = _flat_stretches(scaled, sizes, starts, parts, settings)
-    text = f"channel {name!r} is clipped at {where * largest:.4g}"
-    if defect == "drop-outs":
-        text = f"channel {name!r} has drop-outs: in {100 * where:.2g} % of the time it is constant"
-    return ChannelCheck(level * largest, defect, text if defect else "")
+    if low < high and abs(mean) > settings.offset * level:
+        defect = "offset"
+    elif sizes.max(initial=0.0) > far and _wraps_around(scaled, steps, sizes > far, settings):
+        defect = "wrap-around"
+    else:
+        parts = [(a * n, b * n) for a, b in turning]
+        defect, where = _flat_stretches(scaled, sizes, starts, parts, settings)
+    texts = {
+        "offset": f"has an offset of {mean * largest:.4g} and a level of {level * largest:.2g}: "
+        f"measure it with AC coupling, or leave it out",
+        "wrap-around": "jumps from one extreme to the other: do its integers overflow?",
+        "clipped": f"is clipped at {where * largest:.4g}",
+        "drop-outs": f"has drop-outs: in {100 * where:.2g} % of the time it is constant",
+    }
+    return ChannelCheck(level * largest, defect, defect and f"channel {name!r} {texts[defect]}")
 
 
 def _sampled(series: Series, settings: ChannelCheckSettings) -> tuple[Array, NDArray[np.intp]]:
@@ -344,32 +343,29 @@ def _sampled(series: Series, settings: ChannelCheckSettings) -> tuple[Array, NDA
     return np.array(blocks_of, np.float64), starts
 
 
-def _wraps_around(rows: Array, steps: Array, settings: ChannelCheckSettings) -> bool:
+def _wraps_around(
+    rows: Array, steps: Array, is_far: NDArray[np.bool_], settings: ChannelCheckSettings
+) -> bool:
     """Return whether a continuous signal jumps to and fro between its extremes.
 
     It goes on beyond the extreme, and each jump is the range less a usual step. A switch has no
     values in between, an impulse or a fast tone has large steps beside its largest one.
     """
     span = np.ptp(rows)
-    block, place = np.nonzero(np.abs(steps) > settings.far * span)
+    block, place = np.nonzero(is_far)
     if len(place) < settings.stretches:
         return False
-    jumps = steps[block, place]
-    ways = np.sign(jumps)
+    ways = np.sign(steps[is_far])
     padded = np.pad(steps, ((0, 0), (1, 1)))
     beside = np.array([padded[block, place], padded[block, place + 2]])
-    onward = -beside.sum(axis=0) * ways
     is_jump = np.abs(beside) > settings.far * span  # noise crosses the limit several times
     largest = np.where(is_jump.all(axis=0), np.inf, np.abs(beside * ~is_jump).max(axis=0))
     between = np.abs(rows - (rows.max() + rows.min()) / 2) < span / 4
-    missing = np.median(span - np.abs(jumps)) + np.abs(steps[steps != 0]).min()
-    return bool(
-        missing < settings.close * span
-        and np.median(largest) < settings.beside * missing
-        and np.mean(onward >= 0) > settings.onward
-        and np.mean(ways[1:] != ways[:-1]) > settings.turns
-        and between.mean() > settings.between
-    )
+    missing = np.median(span - np.abs(steps[is_far])) + np.abs(steps[steps != 0]).min()
+    is_smooth = np.median(largest) < settings.beside * missing and missing < settings.close * span
+    goes_on = np.mean(beside.sum(axis=0) * ways <= 0) > settings.onward
+    turns = np.mean(ways[1:] != ways[:-1]) > settings.turns
+    return bool(is_smooth and goes_on and turns and between.mean() > settings.between)
 
 
 def _flat_stretches(
@@ -420,10 +416,8 @@ def _flat_stretches(
             return "clipped", float(extreme)
     held = lengths >= settings.held
     share = float(lengths[held].sum() / rows.size)
-    if (
-        np.count_nonzero(held & sharp) >= settings.stretches
-        and settings.lost < share < settings.digital
-    ):
+    are_many = np.count_nonzero(held & sharp) >= settings.stretches
+    if are_many and settings.lost < share < settings.digital:
         return "drop-outs", share
     # A single gap counts while the shaft turns, in a signal whose samples differ otherwise.
     is_rough = usual >= settings.rough * rows.std()

@@ -228,7 +228,8 @@ class OrderMonitor:
     alarms : mapping of str to EWMA or CUSUM, optional
         Fitted charts of single features (names as of ``model[:-1].get_feature_names_out()``) or of
         "expected_cost". Unknown states, untypical readings, intervals without a segment, and
-        levels and units far outside those of the training are alarms in any case (`InputAlarm`).
+        levels and units far outside those of the training are alarms in any case (`InputAlarm`), as
+        are channels that are clipped, overflow, drop out or have a far offset, unlike in training.
 
     Attributes
     ----------
@@ -453,6 +454,7 @@ class OrderMonitor:
         self._settings = Settings(
             self._shaft_fs,
             self._groups,
+            self._names,
             check_angle_step(resampler.theta_s),
             resampler.direction,
             float(resampler.min_speed),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm.orders.segment_plan import SectionCutter, SegmentPlan
-from emacm.resampling.quality import Quality
+from emacm.resampling.quality import CHANNEL_CHECKS, Finding, Quality, check_channel
 from emacm.resampling.spreading import DESIGN, Spreading, upsampling
 from emacm.shaft.motion import DIRECTIONS, ShaftPath
 from emacm.streams.packed_state import Resumable
@@ -20,19 +20,24 @@ Array = NDArray[np.floating]
 
 
 class StreamQuality(Resumable):
-    """What `emacm.resampling.training_range.outside_range` needs, without findings of defects.
+    """What `emacm.resampling.training_range.outside_range` needs, and defects of channels.
+
+    A channel is checked whenever some of its samples are taken up; a constant one is not a defect,
+    as the shaft may be at rest.
 
     Parameters
     ----------
-    n_channels : int
-        Number of channels.
+    names : sequence of str
+        Names of the channels.
     """
 
-    held = ("_sums", "_row", "_forward")
+    held = ("_sums", "_row", "_forward", "_defects")
 
-    def __init__(self, n_channels: int) -> None:
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = names
         # Number of samples of each channel, their sum and the sum of their squares.
-        self._sums = np.zeros((3, n_channels))
+        self._sums = np.zeros((3, len(names)))
+        self._defects: list[tuple[int, str, str]] = []  # channel, kind and text, one of each
         self._row = {
             "revolutions": 0.0,
             "strokes": 0,
@@ -47,6 +52,11 @@ class StreamQuality(Resumable):
         rows = held.between(int(self._sums[0, channels[0]]), held.length)
         number = np.full(len(rows), rows.shape[1])
         self._sums[:, channels] += [number, rows.sum(axis=1), np.einsum("ij,ij->i", rows, rows)]
+        known = {k for k, _, _ in self._defects}
+        for k, row in zip(channels, rows if rows.size else (), strict=False):
+            check = check_channel(row, self._names[k])
+            if k not in known and check.defect not in ("", "constant"):
+                self._defects.append((k, check.defect, check.text))
 
     def add_stroke(self, path: ShaftPath, slowest: float, fastest: float) -> None:
         """Take up a stroke of the shaft of interest and the range of its speed [rad/s]."""
@@ -61,14 +71,17 @@ class StreamQuality(Resumable):
     def quality(self, rates: Mapping[str, float]) -> Quality:
         """Return the properties of all that was taken up, for the rates of the channels [Hz]."""
         number = np.maximum(self._sums[0], 1)
-        variances = self._sums[2] / number - (self._sums[1] / number) ** 2
-        levels = np.sqrt(np.maximum(variances, 0.0)).tolist()
+        means = self._sums[1] / number
+        levels = np.sqrt(np.maximum(self._sums[2] / number - means**2, 0.0))
+        is_offset = np.abs(means) > CHANNEL_CHECKS.offset * levels  # at rest, a position may be so
         row, revolutions, fastest = dict(self._row), self._row["revolutions"], self._row["fastest"]
         row["slowest"] = row["slowest"] if row["strokes"] else 0.0
         row["max_order"] = np.pi * min(rates.values()) / fastest if fastest else np.inf
         share = self._forward / revolutions if revolutions else np.nan
-        named = dict(zip(rates, levels, strict=True))
-        return Quality(row, dict(rates), named, {}, (), False, share)
+        named = dict(zip(rates, levels.tolist(), strict=True))
+        seen = [found for found in self._defects if found[1] != "offset" or is_offset[found[0]]]
+        findings = tuple(Finding(kind, text) for _, kind, text in seen)
+        return Quality(row, dict(rates), named, {}, findings, False, share)
 
 
 @dataclass(frozen=True)
@@ -81,6 +94,8 @@ class Settings:
         Sampling rate of the shaft reference [Hz].
     groups : mapping of float to sequence of int
         Sampling rates [Hz], each with the channels that have it.
+    names : sequence of str
+        Names of the channels.
     theta_s, direction, min_speed, max_rest, ratio
         As for `OrderResampler`.
     max_speed : float
@@ -98,6 +113,7 @@ class Settings:
 
     shaft_fs: float
     groups: Mapping[float, Sequence[int]]
+    names: Sequence[str]
     theta_s: float
     direction: str
     min_speed: float
@@ -188,12 +204,12 @@ class SpectrumStream(Resumable):
         motion = settings.shaft_fs, settings.min_speed, settings.max_rest
         self.shaft = ShaftStream(reference, *motion, self._new_powers)
         self.signals = [HeldRows(len(group)) for group in settings.groups.values()]
-        shape = sum(map(len, settings.groups.values())), len(settings.kinds)
+        shape = len(settings.names), len(settings.kinds)
         self._sums = np.zeros((*shape, settings.plan.n_orders))
         self._counts = np.zeros((*shape, 1))
         self._longest = np.zeros(len(settings.kinds), int)  # outputs
         self._fastest = max(settings.rates)
-        self.quality = StreamQuality(shape[0])
+        self.quality = StreamQuality(settings.names)
         self._due = settings.waiting  # samples at the fastest rate, at which some are processed
         self.n_held = 0
 

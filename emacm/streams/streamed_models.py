@@ -204,8 +204,8 @@ class StreamedModel:
     ) -> Reading:
         """Return what the model states of the spectra of an interval.
 
-        The alarms are what is far outside the training, and new spectral lines if there is a
-        classifier.
+        The alarms are defects of channels that those of the training do not have, what is far
+        outside the training, and new spectral lines if there is a classifier.
 
         Parameters
         ----------
@@ -226,7 +226,9 @@ class StreamedModel:
                 table = transformer.transform(table)
         outside = outside_range(quality, self.resampler.training_range_, {})
         texts = tuple(statement.text for statement in outside)
-        alarms = tuple(statement.text for statement in outside if statement.severe)
+        usual = self.resampler.training_findings_
+        defects = tuple(found.text for found in quality.findings if found.kind not in usual)
+        alarms = (*defects, *(statement.text for statement in outside if statement.severe))
         reading = Reading(start, time, np.asarray(table)[0], {}, None, {}, None, alarms, texts)
         final = self.classifier
         if final is None:
