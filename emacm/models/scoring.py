@@ -42,14 +42,15 @@ Row = dict[str, Any]
 
 
 def score(model: Any, recordings: Any, *, n_jobs: int | None = None) -> pd.DataFrame:
-    """Decide on recordings, one by one; one that is invalid gives a row with its error.
+    """Decide on recordings; one that is invalid gives a row with its error.
 
     Parameters
     ----------
     model : estimator, Pipeline, ConditionRouter or search
         A fitted classifier of recordings.
     recordings : sequence of Recording
-        Such as a `RecordingFolder`. Only the recordings that are being processed are in memory.
+        Such as a `RecordingFolder`. Up to 32 files of together about 32 MiB are in memory at once,
+        in each thread; a larger file by itself.
     n_jobs : int, optional
         Number of recordings processed in parallel.
 
