@@ -193,8 +193,8 @@ class ChannelCheckSettings:
         Step at the end of a gap, in usual steps, of a smooth signal: one that has come to rest
         starts more slowly.
     offset : float
-        Largest mean, in standard deviations. Above it, float32 and a converter of 24 bits resolve
-        less than 1/280 of a standard deviation. A temperature of 300 K, constant to 0.01 K, and a
+        Largest middle of the range, in standard deviations. There, one step of float32 or of a
+        converter of 24 bits is up to 1/280 of a standard deviation. A temperature of 300 K, constant to 0.01 K, and a
         supply of 24 V with a ripple of 1 mV remain below.
     far : float
         Size of a wrap-around, in ranges of the signal.
@@ -313,10 +313,10 @@ def check_channel(
         text = f"channel {name!r} is constant ({rows[0, 0]:.4g}): cable or sensor?"
         return ChannelCheck(0.0, "constant", text)
     scaled = rows / largest  # squares of any finite value
-    level, mean, where = float(scaled.std()), float(scaled.mean()), 0.0
+    level, middle, where = float(scaled.std()), (low + high) / 2, 0.0
     steps, far = np.diff(scaled, axis=1), settings.far * (high - low) / largest
     sizes = np.abs(steps)
-    if low < high and abs(mean) > settings.offset * level:
+    if low < high and abs(middle) > settings.offset * level * largest:
         defect = "offset"
     elif sizes.max(initial=0.0) > far and _wraps_around(scaled, steps, sizes > far, settings):
         defect = "wrap-around"
@@ -324,7 +324,7 @@ def check_channel(
         parts = [(a * n, b * n) for a, b in turning]
         defect, where = _flat_stretches(scaled, sizes, starts, parts, settings)
     texts = {
-        "offset": f"has an offset of {mean * largest:.4g} and a level of {level * largest:.2g}: "
+        "offset": f"has an offset of {middle:.4g} and a level of {level * largest:.2g}: "
         f"measure it with AC coupling, or leave it out",
         "wrap-around": "jumps from one extreme to the other: do its integers overflow?",
         "clipped": f"is clipped at {where * largest:.4g}",
