@@ -194,15 +194,15 @@ class ChannelCheckSettings:
         starts more slowly.
     offset : float
         Largest middle of the range, in standard deviations. There, one step of float32 or of a
-        converter of 24 bits is up to 1/280 of a standard deviation. A temperature of 300 K, constant to 0.01 K, and a
-        supply of 24 V with a ripple of 1 mV remain below.
+        converter of 24 bits is up to 1/280 of a standard deviation. A temperature of 300 K with
+        noise of 0.02 K, and a supply of 24 V with a ripple of 1 mV, remain below.
     far : float
         Size of a wrap-around, in ranges of the signal.
     close : float
         What it lacks to the full range (median), in ranges: the true step. Of the largest steps of
         rolling bearings it is 0.2 and more, of tones up to a third of the sampling rate 0.17.
     beside : float
-        Largest step beside a wrap-around, in true steps (medians); of faster tones 2.6 and more.
+        Largest step beside a wrap-around, in true steps (medians); of faster tones 2.5 and more.
     onward : float
         Fraction of wrap-arounds beside which the signal does not move back: 1/2 of the edges of a
         square wave with noise, 0.83 and more of wrap-arounds.
