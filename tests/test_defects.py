@@ -1,7 +1,9 @@
 """Defects that were found in use, one test for each, so that they do not come back."""
 
+import json
 import re
 from contextlib import contextmanager
+from time import sleep
 
 import numpy as np
 import pytest
@@ -22,7 +24,9 @@ from emacm import (
     load_model,
     save_model,
 )
+from emacm.__main__ import main
 from emacm._saved import locked
+from emacm.commands import monitor
 
 # Estimators
 
@@ -147,3 +151,125 @@ def test_a_file_is_used_by_one_process_at_a_time(tmp_path):
     with locked(path):
         pass
     assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture(scope="module")
+def plant(tmp_path_factory):
+    """A model and a layout of rows of time, vibration and speed."""
+    pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
+    folder = tmp_path_factory.mktemp("plant")
+    (folder / "layout.toml").write_text('velocity = "speed"\n')
+    rng, X = np.random.default_rng(0), []
+    for k in range(10):
+        X.append(Recording({"vib": (1 + k % 2) * rng.normal(size=2000)}, 1000, velocity=90.0))
+    steps = OrderResampler(2 * np.pi / 24), OrderPSD(2), BinTransformer(1, max_order=6)
+    bayes = CostSensitiveGaussianBayes(covariance="diag")
+    model = make_pipeline(*steps, bayes).fit(X, ["ok", "worn"] * 5)
+    save_model(model, folder / "model.emacm")
+    return folder
+
+
+def measured(start, n, seed=0):
+    noise = np.random.default_rng(seed).normal(size=n)
+    return [f"{start + k / 1000:.3f},{x:.6f},90\n" for k, x in enumerate(noise)]
+
+
+@pytest.fixture
+def monitored(plant, tmp_path, capsys):
+    """Write rows to a log below a header, and follow it until it does not grow."""
+
+    def follow(rows=None, *options, every="1", idle="0"):
+        if rows is not None:
+            (tmp_path / "log.csv").write_text("time,vib,speed\n" + "".join(rows))
+        arguments = ["--layout", str(plant / "layout.toml"), "--max-speed", "100"]
+        arguments += ["--every", every, "--unit", "s", "--idle", idle, *options]
+        status = main(
+            ["monitor", str(plant / "model.emacm"), str(tmp_path / "log.csv"), *arguments]
+        )
+        out, err = capsys.readouterr()
+        return status, [json.loads(line) for line in out.splitlines()], err
+
+    return follow
+
+
+def emptied(log, text):
+    log.write_text(text)
+
+
+def renamed(log, text):
+    log.rename(log.with_suffix(".1"))
+    log.write_text(text)
+
+
+def intervals(lines):
+    readings = [line for line in lines if "error" not in line]
+    return [(line["start"], line["time"], line["complete"]) for line in readings]
+
+
+@pytest.mark.parametrize("header", ["", "time,vib,speed\n", "speed,time,vib\n"])
+@pytest.mark.parametrize("replace", [emptied, renamed])
+@pytest.mark.parametrize("restored", [True, False])
+def test_a_log_that_is_replaced_is_read_from_its_new_beginning(
+    monitored, monkeypatch, tmp_path, header, replace, restored
+):
+    old, new = measured(0, 1500), measured(50, 2500, seed=1)  # longer than before
+    if header.startswith("speed"):
+        new = ["90,{},{}\n".format(*row.split(",")) for row in new]
+    log, state = tmp_path / "log.csv", ("--state", str(tmp_path / "state"))
+    if restored:
+        first = monitored(old, *state)[1]
+        replace(log, header + "".join(new))
+        lines = [line for line in first if line.get("complete")] + monitored(None, *state)[1]
+    else:
+        sleeps = iter([lambda: replace(log, header + "".join(new))])
+        monkeypatch.setattr(monitor.time, "sleep", lambda s: next(sleeps, lambda: sleep(s))())
+        lines = monitored(old, idle="0.1")[1]
+    (error,) = [line for line in lines if "error" in line]
+    assert "log.csv was emptied or replaced" in error["error"]
+    expected = [(0, 1, True), (1, 1.5, False), (50, 51, True), (51, 52, True), (52, 52.5, False)]
+    np.testing.assert_allclose(intervals(lines), expected)
+    assert {line["decision"] for line in lines if line.get("complete")} == {"ok"}
+
+
+def test_times_are_those_of_the_rows_also_after_a_pause_and_a_clock_that_jumps_back(monitored):
+    rows = [*measured(1000, 2000), *measured(3602, 2000), *measured(2000, 2000)]
+    status, lines, _ = monitored(rows)
+    readings = intervals(lines)
+    assert status == 3
+    assert readings[:2] == [(1000, 1001, True), (1001, 1002, True)]
+    assert [int(start) for start, _, _ in readings] == [1000, 1001, 3602, 3603, 2000, 2001]
+    errors = [line["error"] for line in lines if "error" in line]
+    assert ["gap of 2600" in errors[0], "not increase" in errors[1], len(errors)] == [True, True, 2]
+
+
+def test_a_row_without_a_line_end_is_used_when_it_is_complete(monitored, tmp_path):
+    rows, state = measured(0, 1501), ("--state", str(tmp_path / "state"))
+    _, lines, _ = monitored([*rows[:-1], rows[-1][:7]], *state)
+    assert intervals(lines)[-1] == (1, 1.5, False)
+    status, lines, _ = monitored(rows, *state)
+    assert (status, intervals(lines)) == (0, [(1, 1.501, False)])
+
+
+def test_a_reading_that_a_bad_row_shortens_gives_no_alarm(monitored):
+    rows = measured(0, 2000)
+    rows[1450] = "sensor,error,\n"
+    _, lines, _ = monitored(rows, every="1.4")
+    assert [line["complete"] for line in lines if "error" not in line] == [True, False]
+    assert lines[-1]["alarms"] == []
+
+
+def test_a_state_on_a_full_disk_is_named_and_one_that_is_used_or_is_none_is_refused(
+    monitored, tmp_path
+):
+    state = tmp_path / "my.state"
+    monitored(measured(0, 500))
+    with full_disk():
+        status, _, err = monitored(None, "--state", str(state))
+    assert (status, "my.state" in err, list(tmp_path.glob("*state*"))) == (2, True, [])
+    with locked(state):
+        status, _, err = monitored(None, "--state", str(state))
+    assert (status, "used by another process" in err) == (2, True)
+    state.write_text("time,vib")
+    status, _, err = monitored(None, "--state", str(state))
+    assert (status, "no state of this command" in err, "pickle" in err) == (2, True, False)
+    assert state.read_text() == "time,vib"

@@ -8,16 +8,18 @@ import os
 import sys
 import time
 from collections.abc import Iterable, Iterator
-from io import StringIO
-from itertools import islice
-from pathlib import Path
-from typing import Any, BinaryIO
+from contextlib import ExitStack, closing
+from dataclasses import replace
+from io import FileIO, StringIO
+from itertools import chain, islice
+from typing import Any
 
 import numpy as np
 
 from emacm._checks import located
+from emacm._saved import locked, written_whole
 from emacm.files.csv_files import text_table
-from emacm.files.file_columns import FileColumns, recording_arguments
+from emacm.files.file_columns import FileColumns, recording_arguments, time_of_sample
 from emacm.files.layout import Layout
 from emacm.models.model_files import load_model
 from emacm.streams.order_monitor import OrderMonitor
@@ -26,7 +28,8 @@ from emacm.streams.streamed_models import Reading
 
 FAILED = 3  # exit status: rows were skipped
 _DECIDED = ("decision", "expected_cost", "typicality", "posterior")
-_PRINTED = ("start", "time", *_DECIDED, "alarms", "outside_training")
+_REMEDY = "Remove it or give another one to read the file from its beginning."
+_PRINTED = (*_DECIDED, "alarms", "outside_training", "complete")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -42,39 +45,96 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError("a layout with tacho needs whole recordings; give velocity or angle.")
     if options.source == "-" and options.state is not None:
         raise ValueError("--state needs a file, as the standard input cannot be read again.")
-    if options.source == "-":
-        return _Stream(model, layout, options, sys.stdin.buffer).follow()
-    with open(options.source, "rb") as file:
+    with ExitStack() as stack:
+        if options.state is not None:
+            stack.enter_context(locked(options.state))
+        file = None
+        if options.source != "-":
+            file = stack.enter_context(closing(_GrowingFile(options.source, options.idle)))
         return _Stream(model, layout, options, file).follow()
 
 
-def _growing_lines(file: BinaryIO, idle: float, poll: float = 0.1) -> Iterator[bytes]:
-    """Yield the lines of a file that may grow, each as it is complete.
+class _GrowingFile:
+    """A file that grows, and that may be emptied, or replaced by another one of its name.
 
-    The last line may be incomplete, where the file has not grown for `idle` seconds.
+    That the bytes before the place of reading (`n_compared` of them) are still the same is checked
+    whenever something is read.
     """
-    part, since = b"", time.monotonic()
-    while True:
-        text = file.readline()
-        part += text
-        if text:
-            since = time.monotonic()
-        elif time.monotonic() - since >= idle:
-            break
-        else:
-            time.sleep(min(poll, idle))
-        if part.endswith(b"\n"):
-            yield part
-            part = b""
-    if part:
-        yield part
+
+    def __init__(
+        self, path: str, idle: float, *, poll: float = 0.1, n_compared: int = 4096
+    ) -> None:
+        self._path, self._idle = path, idle
+        self._poll, self._n_compared = min(poll, idle), n_compared
+        self._open()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def go_to(self, place: int, before: bytes) -> bool:
+        """Go on at a place, and tell whether these bytes are before it."""
+        self._place, self._before = place, before
+        self._file.seek(place - len(before))
+        return self._file.read(len(before)) == before
+
+    def contents(self) -> Iterator[Iterator[bytes]]:
+        """Yield the lines of the content, and then those of each content that replaces it."""
+        self._ended = False
+        while not self._ended:
+            yield self._lines()
+
+    def _lines(self) -> Iterator[bytes]:
+        """Yield complete lines, until there is another content or none for `idle` seconds."""
+        part, since = b"", time.monotonic()
+        while True:
+            is_old = self._is_old()  # asked first, so that nothing is left in the old file
+            new = self._read()
+            if new:
+                since = time.monotonic()
+                *lines, part = (part + new).split(b"\n")
+                yield from (line + b"\n" for line in lines)
+            elif new is None or is_old:
+                if is_old:
+                    self._file.close()
+                    self._open()
+                return
+            elif time.monotonic() - since >= self._idle:
+                self._ended = True
+                return
+            else:
+                time.sleep(self._poll)
+
+    def _open(self) -> None:
+        self._file = FileIO(self._path)
+        self._place, self._before = 0, b""
+
+    def _is_old(self) -> bool:
+        """Tell whether the name is that of another file, in which something is written."""
+        try:
+            named = os.stat(self._path)
+        except FileNotFoundError:  # renamed, and not created again yet
+            return False
+        return named.st_size > 0 and not os.path.samestat(named, os.fstat(self._file.fileno()))
+
+    def _read(self, n_bytes: int = 1 << 16) -> bytes | None:
+        """Return the next bytes, b"" if there are none yet; None if the content is another one."""
+        n_before = len(self._before)
+        self._file.seek(self._place - n_before)
+        content = self._file.read(n_before + n_bytes)
+        if not content.startswith(self._before):
+            self._place, self._before = 0, b""
+            return None
+        self._place += len(content) - n_before
+        self._before = content[-self._n_compared :]
+        return content[n_before:]
 
 
 class _Stream:
     """The rows of a stream, and the monitor that they are given to.
 
     Rows of `block` seconds are processed together; header and separator are found in the first
-    `n_head` lines.
+    `n_head` lines. So many bytes (`n_compared`) tell whether a state belongs to a file.
     """
 
     def __init__(
@@ -82,69 +142,108 @@ class _Stream:
         model: Any,
         layout: Layout,
         options: argparse.Namespace,
-        file: BinaryIO,
+        file: _GrowingFile | None,
         *,
         n_head: int = 20,
+        n_compared: int = 4096,
         block: float = 0.1,
     ) -> None:
-        self._layout, self._options, self._n_failed = layout, options, 0
+        self._layout, self._options = layout, options
+        self._n_head, self._n_compared, self._n_failed = n_head, n_compared, 0
+        self._offset, self._before = 0, b""  # place in the file up to which rows were processed
         self._last = b""  # row before, so that gaps between blocks are noticed
         self._resumed: float | None = None  # time at which the stream goes on after an error [s]
-        is_file = options.source != "-"
-        self._lines = _growing_lines(file, options.idle if is_file else 0.0)
-        head = list(islice(self._lines, n_head))
-        with located(options.source if is_file else "the standard input"):
-            self._table = text_table([line.decode().rstrip("\r\n") for line in head])
-            self._rows = head[self._table.start :]
-            arguments = self._arguments(self._rows)
-            self._rates = arguments["fs"]
-            self._monitor = OrderMonitor(
-                model,
-                fs=self._rates,
-                shaft_fs=arguments["shaft_fs"],
-                channels=list(self._rates),
-                max_speed=options.max_speed,
-                every=options.every,
-                unit=options.unit,
-                wrapped=options.wrapped,
-            )
-        self._at_once = max(2, round(block * max(self._rates.values())))
-        self._head = b"".join(head)
-        self._offset = sum(map(len, head[: self._table.start]))
-        if options.state is not None and options.state.exists():
-            with located(f"--state {options.state}"):
-                self._restore(options.state.read_bytes(), file)
+        self._ahead = 0.0  # of the clock of the rows, before that of the monitor [s]
+        self._contents = file.contents() if file else iter([_complete_lines()])
+        state = self._saved_state()
+        self._head = state["head"].tobytes().splitlines(keepends=True) if state else self._peek()
+        with located(options.source if file else "the standard input"):
+            self._table = text_table(_texts(self._head))
+            arguments, _ = self._arguments(self._head[self._table.start :])
+        rates = arguments["fs"]
+        self._fs = max(rates.values())
+        if layout.fs is None:
+            self._layout = replace(layout, fs=self._fs)
+        self._monitor = OrderMonitor(
+            model,
+            fs=rates,
+            shaft_fs=arguments["shaft_fs"],
+            channels=list(rates),
+            max_speed=options.max_speed,
+            every=options.every,
+            unit=options.unit,
+            wrapped=options.wrapped,
+        )
+        self._at_once = max(2, round(block * self._fs))
+        if state and file:
+            self._restore(state, file)
 
     def follow(self) -> int:
         """Process all lines, and return the exit status."""
-        rows = self._rows
-        for row in self._lines:
-            rows.append(row)
-            if len(rows) >= self._at_once:
-                self._process(rows)
-                rows = []
-        self._process(rows)
+        for number, lines in enumerate(self._contents):
+            if number > 0:
+                self._begin_new_content()
+            rows = self._rows_below_header(lines) if self._offset == 0 else []
+            for row in lines:
+                rows.append(row)
+                if len(rows) >= self._at_once:
+                    self._process(rows)
+                    rows = []
+            self._process(rows)
         self._save()
-        self._print(self._monitor.flush())
+        is_whole = self._options.every is None and not self._n_failed and not self._options.state
+        self._print(self._monitor.flush(complete=is_whole))
         return FAILED if self._n_failed else 0
 
-    def _arguments(self, rows: Iterable[bytes]) -> dict[str, Any]:
-        text = b"".join(rows).decode()
+    def _peek(self) -> list[bytes]:
+        """Return the first lines, which will be read again."""
+        lines = next(self._contents)
+        head = list(islice(lines, self._n_head))
+        self._contents = chain([chain(head, lines)], self._contents)
+        return head
+
+    def _rows_below_header(self, lines: Iterator[bytes]) -> list[bytes]:
+        """Return the rows in the first lines; the header may be lacking, if there was one before.
+
+        Of a header without rows, nothing is processed, so that a next run begins with it.
+        """
+        head = list(islice(lines, self._n_head))
+        try:
+            table = text_table(_texts(head))
+        except ValueError:  # the first row may be cut
+            return head if len(head) == self._n_head else []
+        if table.names[0] != "x0":  # the name where no header is found
+            self._table, self._head = table, head
+        self._pass(head[: table.start])
+        return head[table.start :]
+
+    def _pass(self, lines: list[bytes]) -> None:
+        """Note that lines are processed."""
+        text = b"".join(lines)
+        self._offset += len(text)
+        self._before = (self._before + text)[-self._n_compared :]
+
+    def _arguments(self, rows: Iterable[bytes], n_before: int = 0) -> tuple[dict[str, Any], Any]:
+        """Return the arguments of a recording, and the time of its row `n_before`, or None."""
         content = FileColumns()
-        self._table.add_columns(content, StringIO(text))
-        return recording_arguments(content.without_units_in_names(), self._layout)
+        self._table.add_columns(content, StringIO(b"".join(rows).decode()))
+        content = content.without_units_in_names()
+        arguments = recording_arguments(content, self._layout)
+        return arguments, time_of_sample(content, self._layout, n_before)
 
     def _process(self, rows: list[bytes]) -> None:
         """Print the readings that are complete with these rows, or why the rows are skipped."""
         n_before = 1 if self._last else 0
-        self._offset += sum(map(len, rows))
+        self._pass(rows)
         rows = [row for row in rows if row.strip()]
         if not rows:
             return
         try:
-            arguments = self._arguments([self._last, *rows])
-            if not np.allclose(list(arguments["fs"].values()), list(self._rates.values()), 1e-6):
-                raise ValueError(f"the sampling rate changes to {arguments['fs']}.")
+            arguments, start = self._arguments([self._last, *rows], n_before)
+            if start is not None and n_before:
+                self._ahead = start - self._monitor.time
+            elif start is not None:
+                self._ahead, self._resumed = 0.0, start
             signals = {name: s[n_before:] for name, s in arguments["signals"].items()}
             kind = "angle" if "angle" in arguments else "velocity"
             shaft = np.broadcast_to(arguments[kind], len(rows) + n_before)[n_before:]
@@ -155,45 +254,65 @@ class _Stream:
             if readings:
                 self._save()
         except (TypeError, ValueError) as error:
-            self._fail(str(error), len(rows) / max(self._rates.values()))
+            self._n_failed += 1
+            self._interrupt(str(error), len(rows))
             self._save()
 
-    def _fail(self, error: str, duration: float) -> None:
-        """State why rows are skipped; the reading up to them ends, and another one begins."""
-        self._n_failed += 1
-        self._last = b""
-        time_of_error = self._monitor.time if self._resumed is None else self._resumed
-        self._resumed = time_of_error + duration
+    def _begin_new_content(self) -> None:
+        source = self._options.source
+        self._interrupt(
+            f"{source} was emptied or replaced. Its new content is read from the start."
+        )
+        self._offset, self._before = 0, b""
+        self._save()
+
+    def _interrupt(self, error: str, n_skipped: int = 0) -> None:
+        """State an error; the reading up to it ends, and another one begins."""
+        ended = self._monitor.time + self._ahead if self._resumed is None else self._resumed
+        self._resumed = ended + n_skipped / self._fs
         try:
-            self._print(self._monitor.flush())
+            self._print(self._monitor.flush(complete=False))
         except ValueError:
             self._monitor.reset()
-        skipped = f"The samples from {time_of_error:.9g} s to {self._resumed:.9g} s are skipped."
-        _write({"time": time_of_error, "error": f"{' '.join(error.split())} {skipped}"})
+        self._last, self._ahead = b"", 0.0
+        text = " ".join(error.split())
+        if n_skipped:
+            text += f" The {n_skipped} rows after {ended:.9g} s are skipped."
+        _write({"time": ended, "error": text})
 
     def _print(self, readings: list[Reading]) -> None:
         for reading in readings:
-            line = {name: getattr(reading, name) for name in _PRINTED}
+            times = {name: getattr(reading, name) + self._ahead for name in ("start", "time")}
+            line = times | {name: getattr(reading, name) for name in _PRINTED}
             _write(line | {"posterior": {str(k): p for k, p in reading.posterior.items()}})
 
-    def _restore(self, content: bytes, file: BinaryIO) -> None:
-        """Restore a state, and go on in the file where it was written."""
-        remedy = "Remove it or give another one to read the file from its beginning."
+    def _saved_state(self) -> dict[str, Any] | None:
+        """Return what `_save` wrote, if there is something."""
+        file = self._options.state
+        if file is None or not file.exists():
+            return None
         try:
-            state = unpacked(content)
-            if "head" not in state:
-                raise ValueError("it is no state of this command.")
-            self._offset, source = state["offset"], self._options.source
-            is_same = self._head.startswith(state["head"].tobytes())
-            if not is_same or self._offset > os.path.getsize(source):
-                raise ValueError(f"it was written for another file than {source}, or a longer one.")
+            state = unpacked(file.read_bytes())
+        except ValueError:
+            state = {}
+        if "before" not in state:
+            raise ValueError(
+                f"--state {file}: it is no state of this command, or not a complete one. {_REMEDY}"
+            )
+        return state
+
+    def _restore(self, state: dict[str, Any], file: _GrowingFile) -> None:
+        """Restore a state, and go on in the file where it was written."""
+        self._offset, self._before = state["offset"], state["before"].tobytes()
+        goes_on = file.go_to(self._offset, self._before)
+        try:
+            if not goes_on and state["source"] != os.path.abspath(self._options.source):
+                raise ValueError(f"it was written for another file, {state['source']}.")
             self._monitor.restore(state["monitor"].tobytes())
         except ValueError as error:
-            raise ValueError(f"{error} {remedy}") from error
+            raise ValueError(f"--state {self._options.state}: {error} {_REMEDY}") from error
         self._last = state["last"].tobytes()
-        self._resumed = state["resumed"]
-        self._rows = []
-        file.seek(self._offset)
+        self._resumed, self._ahead = state["resumed"], state["ahead"]
 
     def _save(self) -> None:
         """Write the state, so that the file is complete at any time.
@@ -201,14 +320,28 @@ class _Stream:
         It is written after readings: if the process is killed at any point, none is lost, and only
         readings of the last block may be printed twice.
         """
-        file: Path | None = self._options.state
-        if file is None:
+        if self._options.state is None:
             return
-        parts = {"monitor": self._monitor.state(), "last": self._last, "head": self._head}
-        state = {name: np.frombuffer(text, np.uint8) for name, text in parts.items()}
-        part = file.with_name(f"{file.name}.part")
-        part.write_bytes(packed(state | {"offset": self._offset, "resumed": self._resumed}))
-        os.replace(part, file)
+        texts = {
+            "monitor": self._monitor.state(),
+            "last": self._last,
+            "before": self._before,
+            "head": b"".join(self._head),
+        }
+        state: dict[str, Any] = {k: np.frombuffer(text, np.uint8) for k, text in texts.items()}
+        state |= {"offset": self._offset, "resumed": self._resumed, "ahead": self._ahead}
+        state["source"] = os.path.abspath(self._options.source)
+        with written_whole(self._options.state) as unfinished:
+            unfinished.write_bytes(packed(state))
+
+
+def _complete_lines() -> Iterator[bytes]:
+    """Yield the lines of the standard input that have an end."""
+    return (line for line in sys.stdin.buffer if line.endswith(b"\n"))
+
+
+def _texts(lines: list[bytes]) -> list[str]:
+    return [line.decode().rstrip("\r\n") for line in lines]
 
 
 def _write(line: dict[str, Any]) -> None:

@@ -9,6 +9,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from emacm._checks import check_signal
@@ -156,6 +157,22 @@ def recording_arguments(content: FileColumns, layout: Layout) -> dict[str, Any]:
         "units": {name: unit for name, unit in units.items() if unit},
     }
     return arguments | _shaft(content, layout, shaft, rates, max(fs.values()))
+
+
+def time_of_sample(content: FileColumns, layout: Layout, number: int) -> float | None:
+    """Return the time of a sample by the column of times, if there is one [s].
+
+    That of dates is since 1970, in UTC where they state no time zone.
+    """
+    name = _time_column(content, layout)
+    if name is None:
+        return None
+    value = content.columns[name][number]
+    if isinstance(value, str | np.datetime64):
+        return pd.Timestamp(value).timestamp()
+    return float(value) * unit_factor(
+        layout.unit_of(name) or content.units.get(name) or "s", "time"
+    )
 
 
 def _check_units(content: FileColumns, layout: Layout) -> None:

@@ -351,8 +351,14 @@ class OrderMonitor:
         self._take(signals, shaft, reference, origin)
         return self._advance()
 
-    def flush(self) -> list[Reading]:
+    def flush(self, *, complete: bool | None = None) -> list[Reading]:
         """End the recording; the next samples begin another one.
+
+        Parameters
+        ----------
+        complete : bool, optional
+            Whether the reading is one of all samples that were wanted. Default: if `every` is None;
+            otherwise, the interval is unfinished.
 
         Returns
         -------
@@ -377,7 +383,8 @@ class OrderMonitor:
         self._stream.append(self._cutter.take(all_of_them=True))
         end = self.time
         if end > self._origin + self._cutter.start:
-            readings.append(self._finish(end))
+            is_whole = self._every == np.inf if complete is None else complete
+            readings.append(self._finish(end, complete=is_whole))
         self.reset()
         return readings
 
@@ -497,16 +504,18 @@ class OrderMonitor:
             self._cutter.next()
             self._stream = SpectrumStream(self._settings, self._reference)
 
-    def _finish(self, end: float) -> Reading:
+    def _finish(self, end: float, *, complete: bool = True) -> Reading:
         """Return the reading of the interval that ends now."""
         start, error = self._origin + self._cutter.start, ""
-        reading = Reading(start, end, None, {}, None, {}, None)
+        reading = Reading(start, end, None, {}, None, {}, None, complete=complete)
         try:
             powers = self._stream.finish()
             quality = self._stream.quality.quality({n: self._rates[n] for n in self._names})
-            reading = self._model.reading(start, end, powers, quality)
+            reading = self._model.reading(start, end, powers, quality, complete=complete)
         except ValueError as problem:  # such as an interval in which the shaft stands still
             error = " ".join(str(problem).split())
+        if not complete:
+            return reading
         return replace(reading, alarms=self._alarms.update(reading, error))
 
     def _check_memory(self) -> None:

@@ -93,6 +93,6 @@ def unpacked(content: bytes) -> dict[str, Any]:
             return json.loads(file["text"].item(), object_hook=restored)
     except Exception as error:  # zip, zlib and NumPy raise many kinds
         raise ValueError(
-            f"state must be the bytes that OrderMonitor.state returned, and these cannot be read "
-            f"({error}). Was the file written completely?"
+            "state must be the bytes that OrderMonitor.state returned, and these cannot be read. "
+            "Was the file written completely?"
         ) from error

@@ -139,6 +139,9 @@ class Reading:
         What of the interval is outside the range of the training recordings, in sentences, as
         `emacm.outside_training` states it of the finished recording: speeds, revolutions, sampling
         rates, and levels.
+    complete : bool
+        False for the reading of an unfinished interval: it has no alarms, states no new spectral
+        lines, and is no reading of the charts.
     """
 
     start: float
@@ -150,6 +153,7 @@ class Reading:
     typicality: float | None
     alarms: tuple[str, ...] = ()
     outside_training: tuple[str, ...] = ()
+    complete: bool = True
 
     @property
     def expected_cost(self) -> float | None:
@@ -200,7 +204,13 @@ class StreamedModel:
         self._transformers = steps[2:]
 
     def reading(
-        self, start: float, time: float, powers: NDArray[np.floating], quality: Quality
+        self,
+        start: float,
+        time: float,
+        powers: NDArray[np.floating],
+        quality: Quality,
+        *,
+        complete: bool = True,
     ) -> Reading:
         """Return what the model states of the spectra of an interval.
 
@@ -215,6 +225,8 @@ class StreamedModel:
             As `SegmentPlan.spectra_of` returns them.
         quality : Quality
             Properties of the interval.
+        complete : bool
+            Whether the interval is finished; if not, there are no alarms and no new lines.
 
         Returns
         -------
@@ -226,10 +238,14 @@ class StreamedModel:
                 table = transformer.transform(table)
         outside = outside_range(quality, self.resampler.training_range_, {})
         texts = tuple(statement.text for statement in outside)
+        lines = tuple(new_lines[0]) if complete else ()
         usual = self.resampler.training_findings_
-        defects = tuple(found.text for found in quality.findings if found.kind not in usual)
-        alarms = (*defects, *(statement.text for statement in outside if statement.severe))
-        reading = Reading(start, time, np.asarray(table)[0], {}, None, {}, None, alarms, texts)
+        alarms = [found.text for found in quality.findings if found.kind not in usual]
+        alarms += [statement.text for statement in outside if statement.severe]
+        alarms = alarms if complete else []
+        reading = Reading(
+            start, time, np.asarray(table)[0], {}, None, {}, None, tuple(alarms), texts, complete
+        )
         final = self.classifier
         if final is None:
             return reading
@@ -249,8 +265,8 @@ class StreamedModel:
             decision=decision,
             risk=risk,
             typicality=typicality,
-            alarms=(*alarms, *new_lines[0]),
-            outside_training=texts or tuple(new_lines[0]),
+            alarms=(*alarms, *lines),
+            outside_training=texts or lines,
         )
 
     def digest(self) -> str:
