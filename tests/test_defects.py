@@ -1,12 +1,20 @@
 """Defects that were found in use, one test for each, so that they do not come back."""
 
 import json
+import os
+import pickle
 import re
-from contextlib import contextmanager
+import struct
+import sys
+import zipfile
+from contextlib import contextmanager, nullcontext
+from functools import partial
+from io import BytesIO
 from time import sleep
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 from sklearn.base import clone
 from sklearn.ensemble import IsolationForest
 from sklearn.linear_model import LogisticRegression
@@ -15,6 +23,7 @@ from sklearn.pipeline import make_pipeline
 from emacm import (
     BinTransformer,
     CostSensitiveGaussianBayes,
+    Layout,
     LeastRiskClassifier,
     NewUnitClassifier,
     OrderMonitor,
@@ -22,11 +31,13 @@ from emacm import (
     OrderResampler,
     Recording,
     load_model,
+    open_recording,
     save_model,
 )
 from emacm.__main__ import main
 from emacm._saved import locked
 from emacm.commands import monitor
+from emacm.reports.inputs import read_actions, read_parts
 
 # Estimators
 
@@ -137,6 +148,124 @@ def test_a_monitor_names_a_channel_that_begins_to_overflow():
 
 
 # Files
+
+FREE = Layout(fs=100, velocity=3)
+
+
+def hdf5_of(path, **options):
+    h5py = pytest.importorskip("h5py", reason="extra 'files'")
+    with h5py.File(path, "w") as file:
+        file["b"] = np.ones(9)
+        if "link" in options:
+            file["c"] = h5py.ExternalLink(*options["link"])
+        elif "virtual" in options:
+            layout = h5py.VirtualLayout((9,), "f8")
+            layout[:] = h5py.VirtualSource(*options["virtual"], (9,))
+            file.create_virtual_dataset("c", layout)
+        else:
+            file.create_dataset("c", dtype="f8", **options)
+
+
+def npz_of_two(path):
+    array = BytesIO()
+    np.save(array, np.ones(9))
+    with zipfile.ZipFile(path, "w") as archive:
+        for member in ("a", "a.npy"):
+            archive.writestr(member, array.getvalue())
+
+
+def tdms_without(path, n_bytes):
+    nptdms = pytest.importorskip("nptdms", reason="extra 'files'")
+    for mode in ("w", "a"):  # the second segment is short, as without description of its channels
+        with nptdms.TdmsWriter(path, mode=mode) as writer:
+            writer.write_segment([nptdms.ChannelObject("g", "b", np.arange(9.0))])
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) - n_bytes])
+
+
+DAMAGED = struct.pack("<4sllqq40s", b"TDSm", 14, 4713, 40, 40, b"\xff" * 40)
+NARROW = np.zeros(1 << 26, np.uint8)
+EXTERNAL = {"shape": (8,), "external": [("/etc/passwd", 0, 64)]}
+REFUSED = {
+    "long line.csv": (lambda path: path.write_text("1," * 90_000), "line 1 has more than 100000"),
+    "same name.npz": (npz_of_two, r"must have different names, got \['a', 'a'\]"),
+    "8 TB.h5": (lambda path: hdf5_of(path, shape=(10**12,), chunks=True), "arrays of 8000 GB"),
+    "huge.npz": (lambda path: np.savez_compressed(path, b=np.zeros(1 << 26)), "made to fill"),
+    "huge.mat": (partial(savemat, mdict={"b": NARROW}, do_compression=True), "made to fill"),
+    "external.h5": (lambda path: hdf5_of(path, **EXTERNAL), "'c' is stored in another file"),
+    "link.h5": (lambda path: hdf5_of(path, link=("other.h5", "b")), "'c' is stored in another"),
+    "virtual.h5": (lambda path: hdf5_of(path, virtual=(path, "b")), "'c' is stored in another"),
+    "device.csv": (lambda path: path.symlink_to("/dev/zero"), "not a file, but a folder or a dev"),
+    "pipe.npz": (lambda path: os.mkfifo(path), "not a file, but a folder or a device"),
+    "damaged.tdms": (lambda path: path.write_bytes(DAMAGED), "cannot be read as a .tdms"),
+    **{
+        f"{n_bytes}.tdms": (partial(tdms_without, n_bytes=n_bytes), "it is truncated: it states")
+        for n_bytes in (1, 7, 80, 100)
+    },
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_file_that_is_incomplete_or_made_to_fill_the_memory_is_refused(tmp_path, name):
+    if os.name == "nt" and name.startswith(("device", "pipe", "external")):
+        pytest.skip("not on Windows")
+    write, message = REFUSED[name]
+    write(tmp_path / name)
+    recording = pickle.loads(pickle.dumps(open_recording(tmp_path / name, FREE)))
+    with pytest.raises(ValueError, match=f"{name}: .*{message}"):
+        assert recording.duration
+
+
+@pytest.mark.parametrize("line_end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "cp1252"])
+def test_the_last_row_of_a_text_without_its_line_end_is_left_out(tmp_path, line_end, encoding):
+    path = tmp_path / "a.csv"
+    for last, count in (("3,500.00\n", 3), ("3,500.00", 2), ("3,5", 2), ("3,-", 2), ("3", 2)):
+        text = f"b,c [°]\n1,500.00\n2,500.00\n{last}"
+        path.write_text(text, encoding=encoding, newline=line_end)
+        with (
+            pytest.warns(UserWarning, match=r"a\.csv: .*no line end")
+            if count == 2
+            else nullcontext()
+        ):
+            signals = open_recording(path, FREE).signals
+        assert signals["c"].tolist() == [500.0] * count
+
+
+@pytest.mark.parametrize(
+    "line", [" " * 90_000, "x" + " " * 90_000, "[" * 90_000, "x 1" + ";" * 90_000]
+)
+def test_a_long_line_above_the_header_takes_no_time(tmp_path, line):
+    (tmp_path / "a.csv").write_text(f"{line}\n# fs: 50 Hz\nb\n1\n2\n")
+    assert open_recording(tmp_path / "a.csv", Layout(velocity=3)).duration == 0.04
+
+
+@pytest.mark.parametrize("read", [Layout.from_toml, read_actions, read_parts])
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("a=" + "[" * 9000, "not valid TOML"), ("a='" + "[ " * 50_000 + "'", "30000 in one line")],
+)
+def test_toml_that_is_nested_deeply_or_has_a_long_name_is_refused(tmp_path, read, text, message):
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(ValueError, match=f"a.toml: .*{message}"):
+        read(tmp_path / "a.toml")
+
+
+def test_a_layout_may_begin_with_a_byte_order_mark(tmp_path):
+    (tmp_path / "a.toml").write_text("fs = 5", encoding="utf-8-sig")
+    assert Layout.from_toml(tmp_path / "a.toml").fs == 5
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names are UTF-8")
+def test_names_of_files_that_are_not_utf_8_are_read_and_printed(tmp_path):
+    path = tmp_path / os.fsdecode(b"pr\xfcf_1.csv")
+    path.write_text("b,c\n1,2\n3,4\n")
+    recording = open_recording(path, Layout(fs=5, velocity=3, meta="{unit}_{run:d}"))
+    assert recording.signals["c"].tolist() == [2, 4]
+    assert recording.meta == {"unit": r"pr\xfcf", "run": 1}
+    with pytest.raises(ValueError, match=r"pr\\xfcf_1.csv: it has no column 'd'"):
+        assert open_recording(path, Layout(fs=5, velocity=3, channels=["d"])).duration
+
 
 # Scores and pages
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
-import itertools
+import os
 import re
+import warnings
 from collections.abc import Sequence
+from io import StringIO
 from pathlib import Path
 from statistics import mode
 from typing import Any, NamedTuple
@@ -15,7 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm.files.file_columns import FileColumns, RefusedFileError
-from emacm.recordings.names import is_time_name, split_unit
+from emacm.recordings.names import is_time_name, printable, split_unit
 
 _SEPARATORS = (";", "\t", ",", "|")
 _EXACT: dict[str, Any] = (  # from pandas 3 on, numbers are read exactly by default
@@ -23,8 +25,8 @@ _EXACT: dict[str, Any] = (  # from pandas 3 on, numbers are read exactly by defa
 )
 _BLANK = "\0"  # begins the names of blank columns at the right, which no header can have
 _QUOTED = re.compile(r'"\s*[+-]?\d+,\d+\s*"')  # a number with a decimal comma
-_STATED = re.compile(  # as "Sampling rate: 2000 Hz", or "fs;2000;Hz"
-    r"[#%\s]*([^\W\d][^:=;,\t]*?)\s*[:=;,\t]\s*([+-]?\d+(?:\.\d+)?)[;,\s]*"
+_STATED = re.compile(  # as "Sampling rate: 2000 Hz", or "fs;2000;Hz"; *+: in linear time
+    r"[#%\s]*+([^\W\d][^:=;,\t]*+)[:=;,\t][:=\s]*+([+-]?\d+(?:\.\d+)?)[;,\s]*+"
     r"(?:[\[(]?([^\W\d_][^\s;,\])]*)[\])]?)?[;,\s]*"
 )
 
@@ -37,7 +39,9 @@ class _Row(NamedTuple):
     is_comment: bool
 
 
-def read_csv(path: Path, content: FileColumns, *, n_head: int = 200) -> None:
+def read_csv(
+    path: Path, content: FileColumns, *, n_head: int = 200, longest: int = 100_000
+) -> None:
     """Add the columns of a text file, and the numbers that its preamble states.
 
     Parameters
@@ -48,17 +52,26 @@ def read_csv(path: Path, content: FileColumns, *, n_head: int = 200) -> None:
         What is added to.
     n_head : int
         Lines in which separator and header are looked for.
+    longest : int
+        Limit of the length of these lines.
+
+    Warns
+    -----
+    UserWarning
+        If the last row has no line end, and is left out: its last number may be incomplete.
 
     Raises
     ------
     RefusedFileError
         If it has no rows of numbers, or no header that belongs to them.
     """
-    encoding = _encoding(path, n_head)
+    encoding = _encoding(path, n_head, longest)
     with open(path, encoding=encoding, newline=None) as file:
-        head = [line.rstrip("\n") for line in itertools.islice(file, n_head)]
-    table = text_table(head)
-    table.add_columns(content, path, skiprows=table.start, encoding=encoding)
+        lines = [file.readline(longest + 1) for _ in range(n_head)]
+    head = [line.rstrip("\n") for line in lines if line.endswith("\n") or len(line) > longest]
+    table = text_table(head, longest=longest)
+    rows = _complete_rows(path, encoding)
+    table.add_columns(content, rows, skiprows=table.start, encoding=encoding)
 
 
 class TextTable(NamedTuple):
@@ -129,13 +142,15 @@ class TextTable(NamedTuple):
         _add_stated_numbers(content, self.preamble)
 
 
-def text_table(head: Sequence[str]) -> TextTable:
+def text_table(head: Sequence[str], *, longest: int = 100_000) -> TextTable:
     """Find header, separator and decimals in the first lines of a text file.
 
     Parameters
     ----------
     head : sequence of str
         The lines.
+    longest : int
+        Limit of their length.
 
     Returns
     -------
@@ -144,8 +159,13 @@ def text_table(head: Sequence[str]) -> TextTable:
     Raises
     ------
     RefusedFileError
-        If there are no rows of numbers, or no header that belongs to them.
+        If there are no rows of numbers, or no header that belongs to them, or a line is longer.
     """
+    for number, line in enumerate(head, 1):
+        if len(line) > longest:
+            raise RefusedFileError(
+                f"line {number} has more than {longest} characters. Save a row for each time."
+            )
     filled = [(number, line) for number, line in enumerate(head) if line.strip(" \t;,|")]
     separator = next((s for s in _SEPARATORS if filled and s in filled[-1][1]), None)
     if filled and re.fullmatch(r'"?sep=.?"?', filled[0][1].strip(), re.IGNORECASE):
@@ -163,10 +183,26 @@ def text_table(head: Sequence[str]) -> TextTable:
     return TextTable(names, units, separator, decimal, start, list(head[:start]))
 
 
-def _encoding(path: Path, n_head: int) -> str:
+def _complete_rows(path: Path, encoding: str) -> Path | StringIO:
+    """Return a file, or its text without the last row if this has no line end."""
+    with open(path, "rb") as file:
+        file.seek(max(os.fstat(file.fileno()).st_size - 2, 0))
+        if file.read().strip(b"\0").endswith((b"\n", b"\r")):
+            return path
+    rows, line_end, last = path.read_text(encoding=encoding).rpartition("\n")
+    if last.strip():
+        warnings.warn(
+            f"{printable(path)}: its last row has no line end, so that its last number may be "
+            f"incomplete; it is left out. Copy the file again, or add a line end.",
+            stacklevel=2,
+        )
+    return StringIO(rows + line_end)
+
+
+def _encoding(path: Path, n_head: int, longest: int) -> str:
     """Return UTF-8 or UTF-16, or the code page of Western Europe for what is not UTF-8."""
     with open(path, "rb") as file:
-        start = b"".join(itertools.islice(file, n_head))
+        start = b"".join(file.readline(longest) for _ in range(n_head))
     if start.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
     if b"\0" in start:
@@ -266,10 +302,8 @@ def _numbers(column: pd.Series) -> NDArray[Any]:
 
 
 def _add_stated_numbers(content: FileColumns, preamble: Sequence[str]) -> None:
-    for line in preamble:
-        found = _STATED.fullmatch(line)
-        if found is None or found[1] in content.columns:
-            continue
-        content.numbers[found[1]] = float(found[2])
-        if found[3]:
-            content.units[found[1]] = found[3]
+    for found in filter(None, map(_STATED.fullmatch, preamble)):
+        name = found[1].rstrip()
+        if name not in content.columns:
+            content.numbers[name] = float(found[2])
+            content.units |= {name: found[3]} if found[3] else {}

@@ -83,8 +83,7 @@ class FileColumns:
         if len(found) == 1:
             return found[0]
         if found:
-            several = f"{wanted!r} matches several columns: {_listed(found)}."
-            raise ValueError(f"{several} Name one of them.")
+            raise ValueError(f"{wanted!r} matches several columns: {_listed(found)}. Name one.")
         plain = split_unit(wanted)[0]
         if plain in self.ignored:
             raise ValueError(
@@ -192,8 +191,7 @@ def _without_signal(content: FileColumns) -> str:
     """Say what a file without any column contains."""
     rest = f"only {list(content.numbers)}" if content.numbers else "no array of numbers"
     reasons = [f"{name!r} {reason}" for name, reason in list(content.ignored.items())[:3]]
-    remedy = "Store an array for each channel, or leave the file out."
-    return f"it contains no signal, {'; '.join([rest, *reasons])}. {remedy}"
+    return f"it contains no signal, {'; '.join([rest, *reasons])}. Store an array for each channel."
 
 
 def _listed(names: Sequence[str], longest: int = 20) -> str:
@@ -293,12 +291,11 @@ def stated_rates(content: FileColumns) -> dict[str, float]:
     rates: dict[str, float] = {}
     for name, number in content.numbers.items():
         last = re.split(r"[/.]", name)[-1]
-        if number > 0 and re.sub("[^a-z]", "", last.lower()) in _RATES:
-            factor = hertz.get(content.units.get(name, "").lower())
+        factor = hertz.get(content.units.get(name, "").lower(), 0.0)
+        if number * factor > 0 and re.sub("[^a-z]", "", last.lower()) in _RATES:
             group = name.removesuffix(last)
-            if factor is not None:
-                of_group = [column for column in content.columns if column.startswith(group)]
-                rates |= dict.fromkeys(of_group, number * factor)
+            of_group = [column for column in content.columns if column.startswith(group)]
+            rates |= dict.fromkeys(of_group, number * factor)
     return rates | content.rates
 
 

@@ -19,6 +19,7 @@ from emacm.files.file_columns import recording_arguments
 from emacm.files.layout import Layout
 from emacm.files.readers import READERS, read_columns
 from emacm.recordings.digests import Recent, digest_of_file
+from emacm.recordings.names import printable
 from emacm.recordings.recording import CONTENT, Recording
 from emacm.shaft.motion import LazySeries, Series
 
@@ -61,7 +62,7 @@ class FileState(NamedTuple):
             found = FileState(self.path, digest=digest_of_file(self.path))
         if found != self:
             raise ValueError(
-                f"{self.path}: the file was replaced or changed since it was opened. Open it again."
+                f"{printable(self.path)}: the file was replaced or changed. Open it again."
             )
 
     def with_digest(self) -> FileState:
@@ -146,10 +147,10 @@ class FileRecording(Recording):
         if self._steps:
             change, arguments = self._steps[-1]
             content = _opened(self.layout, self._state, self._meta, self._steps[:-1]).content()
-            with located(self.path):
+            with located(printable(self.path)):
                 return content._derived(change, *arguments)
         self._state.check()
-        with located(self.path):
+        with located(printable(self.path)):
             columns = read_columns(Path(self.path))
             recording = Recording(**recording_arguments(columns, self.layout), meta=self._meta)
         self._state.check()  # it may have been written while it was read
@@ -253,7 +254,7 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> Recording:
     if not isinstance(layout, Layout):
         raise TypeError(f"layout must be a Layout, got {type(layout).__name__}.")
     file = Path(path).absolute()
-    with located(str(file)):
+    with located(printable(file)):
         return _opened(layout, FileState.of(str(file)), layout.meta_of(file))
 
 

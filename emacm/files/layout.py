@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from math import isfinite
@@ -16,7 +15,8 @@ from typing import Any
 import pandas as pd
 
 from emacm._checks import check_number, located
-from emacm.recordings.names import chosen_channels, split_unit
+from emacm.files.toml_files import read_toml
+from emacm.recordings.names import chosen_channels, printable, split_unit
 
 _TACHO = ("column", "pulses_per_rev", "threshold", "hysteresis", "edge", "repair")
 _FIELDS: dict[str, tuple[str, Callable[[str], Any]]] = {
@@ -125,13 +125,8 @@ class Layout:
             If it is not TOML, or an option is invalid.
         """
         file = Path(path)
-        if not file.is_file():
-            raise FileNotFoundError(f"there is no layout {str(file)!r}.")
-        with located(f"layout {file}"):
-            try:
-                options = tomllib.loads(file.read_text(encoding="utf-8"))
-            except tomllib.TOMLDecodeError as error:
-                raise ValueError(f"it is not valid TOML: {error}.") from error
+        with located(f"layout {printable(file)}"):
+            options = read_toml(file)
             known = [item.name for item in fields(cls)]
             for name in options:
                 if name not in known:
@@ -166,7 +161,7 @@ class Layout:
         ValueError
             If the name does not match the pattern, or is not in the table.
         """
-        file = PurePath(path)
+        file = PurePath(printable(path))
         if self.meta is None:
             return {}
         if isinstance(self.meta, str):

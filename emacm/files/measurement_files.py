@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import importlib
 import json
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import scipy  # scipy.io is imported when it is used
@@ -25,9 +26,8 @@ def optional_library(name: str, kind: str, extra: str = "files") -> Any:
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        library = name.partition(".")[0]
         raise ImportError(
-            f"{kind} files are read by {library}, which is not installed; run "
+            f"{kind} files are read by {name.partition('.')[0]}, which is not installed; run "
             f"pip install 'emacm[{extra}]'."
         ) from error
 
@@ -67,23 +67,50 @@ def add_array(content: FileColumns, name: str, values: Any) -> None:
         content.ignored[name] = f"has {array.ndim} dimensions {array.shape}"
 
 
+def check_stated_size(path: Path, stated: float, *, ratio: int = 200, free: int = 1 << 28) -> None:
+    """Refuse a file that states more than it can hold, and would fill the memory.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    stated : float
+        Size of its arrays [bytes].
+    ratio : int
+        Limit of this size to that of the file; compressed measurements are below 20.
+    free : int
+        Size that is accepted of any file [bytes].
+
+    Raises
+    ------
+    RefusedFileError
+    """
+    size = path.stat().st_size
+    if stated > max(free, ratio * size):
+        raise RefusedFileError(
+            f"it states arrays of {stated / 1e9:.4g} GB, but has {size} bytes. It is damaged, or "
+            f"made to fill the memory: leave it out, or save it without compression."
+        )
+
+
 def read_npz(path: Path, content: FileColumns) -> None:
     """Add the numeric arrays of an npz file."""
     with open(path, "rb") as file:  # which NumPy would leave open if it is damaged
         archive = np.load(file, allow_pickle=False)
-        for name in archive.files:
-            add_array(content, name, archive[name])
+        names = {member: member.removesuffix(".npy") for member in archive.zip.namelist()}
+        if len(set(names.values())) < len(archive.files):
+            raise RefusedFileError(f"its arrays must have different names, got {archive.files}.")
+        check_stated_size(path, sum(member.file_size for member in archive.zip.infolist()))
+        for member, name in names.items():
+            add_array(content, name, archive[member])
 
 
 def read_wav(path: Path, content: FileColumns) -> None:
     """Add the channels of a WAV file as x0, x1, ...; full scale is 1."""
     with open(path, "rb") as file:
         header = file.read(12)
-    stated, size = int.from_bytes(header[4:8], "little") + 8, os.stat(path).st_size
-    if header[:4] == b"RIFF" and stated > size + 1:  # a padding byte may be missing
-        raise RefusedFileError(
-            f"it is truncated: its header states {stated} bytes, there are {size}. Copy it again."
-        )
+    if header[:4] == b"RIFF":
+        _check_complete(path, int.from_bytes(header[4:8], "little") + 7)  # without a padding byte
     fs, samples = scipy.io.wavfile.read(path)
     if samples.dtype.kind in "iu":  # full scale is 1
         bits = 8 * samples.dtype.itemsize
@@ -111,6 +138,7 @@ def read_mat(path: Path, content: FileColumns) -> None:
     if b"\x89HDF\r\n\x1a\n" in (start[:8], start[512:]):
         read_hdf5(path, content, separator=".")
     else:
+        check_stated_size(path, 8 * sum(math.prod(s) for _, s, _ in scipy.io.whosmat(path)))
         for name, value in scipy.io.loadmat(path, simplify_cells=True).items():
             if not name.startswith("__"):
                 _add_variable(content, name, value)
@@ -139,7 +167,10 @@ def read_parquet(path: Path, content: FileColumns) -> None:
     metadata of the file and from ``DataFrame.attrs`` ("fs", "units").
     """
     parquet = optional_library("pyarrow.parquet", "Parquet")
-    table = parquet.ParquetFile(path).read()
+    with open(path, "rb") as file:
+        stored = parquet.ParquetFile(file)
+        check_stated_size(path, 8 * stored.metadata.num_rows * stored.metadata.num_columns)
+        table = stored.read()
     if len(set(table.column_names)) < len(table.column_names):
         raise RefusedFileError(f"its columns must have different names, got {table.column_names}.")
     for field, column in zip(table.schema, table.columns, strict=True):
@@ -164,29 +195,38 @@ def read_hdf5(path: Path, content: FileColumns, *, separator: str = "/") -> None
     all of its data sets.
     """
     h5py = optional_library("h5py", "HDF5 and MAT 7.3")
-
-    def add(path: str, node: Any) -> None:
-        name = path.replace("/", separator)
-        if isinstance(node, h5py.Dataset):
-            if path.startswith("#") or node.attrs.get("MATLAB_class") in (b"char", b"cell"):
-                return
-            before = set(content.columns)
-            add_array(content, name, node[()])
-            for column in set(content.columns) - before:
-                _add_attributes(content, column, node.attrs, own=True)
-        elif isinstance(node, h5py.Group):
-            _add_attributes(content, name + separator, node.attrs)
-
     with h5py.File(path, "r") as file:
+        links, nodes = dict[str, Any](), dict[str, Any]()
+        file.visititems_links(links.__setitem__)
+        file.visititems(nodes.__setitem__)
+        elsewhere = [place for place, link in links.items() if isinstance(link, h5py.ExternalLink)]
+        sets = {place: node for place, node in nodes.items() if isinstance(node, h5py.Dataset)}
+        elsewhere += [place for place, one in sets.items() if one.external or one.is_virtual]
+        if elsewhere:
+            raise RefusedFileError(
+                f"{elsewhere[0]!r} is stored in another file, which is not followed. Copy its "
+                f"samples into this file."
+            )
+        check_stated_size(path, sum(one.nbytes for one in sets.values()))
         _add_attributes(content, "", file.attrs)
-        file.visititems(add)
+        for place, node in nodes.items():
+            name = place.replace("/", separator)
+            if place not in sets:
+                _add_attributes(content, name + separator, node.attrs)
+            elif place[0] != "#" and node.attrs.get("MATLAB_class") not in (b"char", b"cell"):
+                before = set(content.columns)
+                add_array(content, name, node[()])
+                for column in set(content.columns) - before:
+                    _add_attributes(content, column, node.attrs, own=True)
 
 
 def read_tdms(path: Path, content: FileColumns) -> None:
     """Add the channels of a TDMS file; as "group/channel" if a name occurs twice."""
     nptdms = optional_library("nptdms", "TDMS")
-    with nptdms.TdmsFile.open(path) as file:
-        channels = [channel for group in file.groups() for channel in group.channels()]
+    with open(path, "rb") as file:  # which nptdms would leave open if it is damaged
+        _check_complete(path, _end_of_segments(file))
+        table = nptdms.TdmsFile.open(file)
+        channels = [channel for group in table.groups() for channel in group.channels()]
         names = [channel.name for channel in channels]
         for channel in channels:
             twice = names.count(channel.name) > 1
@@ -198,6 +238,30 @@ def read_tdms(path: Path, content: FileColumns) -> None:
             unit = properties.get("unit_string") or properties.get("NI_UnitDescription")
             if unit:
                 content.units[name] = str(unit)
+
+
+def _end_of_segments(file: BinaryIO) -> int:
+    """Return the size that a TDMS file should have; leave the file at its start."""
+    size, end = file.seek(0, os.SEEK_END), 0
+    while end < size:
+        file.seek(end)
+        start = file.read(28)
+        if not b"TDSm".startswith(start[:4]):  # a damaged file
+            break
+        start = start.ljust(28)
+        end += 28 + int.from_bytes(start[12:20], "big" if start[4] & 64 else "little")
+    file.seek(0)
+    return end
+
+
+def _check_complete(path: Path, stated: int) -> None:
+    """Refuse a file that has fewer bytes than it states."""
+    size = path.stat().st_size
+    if size < stated:
+        raise RefusedFileError(
+            f"it is truncated: it states {stated} bytes, there are {size}. Copy it again, or save "
+            f"what is left of it as another file."
+        )
 
 
 def read_uff(path: Path, content: FileColumns) -> None:

@@ -66,7 +66,11 @@ def read_columns(path: Path) -> FileColumns:
         raise ValueError(
             f"files {kind} are not read; known are {sorted(READERS)}. Convert it, or leave it out."
         )
-    _check_file(path)
+    size = path.stat().st_size
+    if not path.is_file():
+        raise ValueError("it is not a file, but a folder or a device. Name a file.")
+    if not size:
+        raise ValueError("the file is empty (0 bytes). Record it again, or leave it out.")
     if reader is read_csv and _other_kind(path):
         raise RefusedFileError(f"it is no text with rows of numbers.{_other_kind(path)}")
     content = FileColumns()
@@ -75,23 +79,16 @@ def read_columns(path: Path) -> FileColumns:
         return content.without_units_in_names()
     except RefusedFileError as error:
         raise RefusedFileError(f"{error}{_other_kind(path)}") from error
-    except (ImportError, MemoryError, FileNotFoundError, PermissionError):
+    except (ImportError, FileNotFoundError, PermissionError):
         raise
+    except MemoryError as error:
+        raise RefusedFileError("it does not fit into memory. Divide it.") from error
     except Exception as error:
         damaged = " It is damaged, incomplete or of another type. Copy it again, or leave it out."
         raise ValueError(
             f"it cannot be read as a {path.suffix.lower()} file ({type(error).__name__}: {error})."
             f"{_other_kind(path) or damaged}"
         ) from error
-
-
-def _check_file(path: Path) -> None:
-    """Raise a ValueError if there is nothing in a file that could be read."""
-    size = path.stat().st_size
-    if not path.is_file():
-        raise ValueError("it is not a file, but a folder or a device. Name a file.")
-    if not size:
-        raise ValueError("the file is empty (0 bytes). Record it again, or leave it out.")
 
 
 def _other_kind(path: Path) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from emacm._checks import check_finite
 from emacm.recordings.names import unit_factor
 
 Times = NDArray[np.float64]
@@ -46,12 +47,7 @@ def seconds_of(values: NDArray[Any], unit: str, name: str) -> Times:
                 f"Repair it, or state fs and time=False to ignore the column."
             )
         seconds = (dates - dates.iloc[0]).dt.total_seconds().to_numpy()
-    bad = ~np.isfinite(seconds)
-    if bad.any():
-        raise ValueError(
-            f"time column {name!r} is {values[bad][0]} at sample {int(np.argmax(bad))}. Cut the "
-            f"recording before it, or repair it."
-        )
+    check_finite(seconds, f"time column {name!r}")
     return seconds - seconds[0]
 
 

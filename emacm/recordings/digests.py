@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mmap
 import os
+import stat
 from collections.abc import Iterable
 from functools import lru_cache
 from hashlib import file_digest, sha256
@@ -57,9 +58,11 @@ def digest_of_file(path: str | os.PathLike[str]) -> str:
     Raises
     ------
     OSError
-        If the file cannot be read.
+        If the file cannot be read, or is none: a device or a pipe may have no end.
     """
     status = os.stat(path)
+    if not stat.S_ISREG(status.st_mode):
+        raise OSError(f"{os.fspath(path)!r} is not a file, but a folder or a device. Name a file.")
     return _digest_of_file(os.fspath(path), status.st_size, status.st_mtime_ns)
 
 

@@ -10,7 +10,6 @@ from typing import Any
 
 from emacm._checks import once_hint
 
-_WITH_UNIT = re.compile(r"(.*\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))")
 _TIME_WORDS = {"t", "time", "times", "timestamp", "timestamps", "seconds", "elapsed", "datetime"}
 _TIME_WORDS |= {"zeit"}
 _SHAFT_WORDS = {"angle", "angular", "encoder", "keyphasor", "resolver", "rpm", "speed", "tacho"}
@@ -136,10 +135,12 @@ def split_unit(name: str) -> tuple[str, str]:
     >>> split_unit("speed [rpm]"), split_unit("vibration (g)"), split_unit("vibration")
     (('speed', 'rpm'), ('vibration', 'g'), ('vibration', ''))
     """
-    found = _WITH_UNIT.fullmatch(name.strip())
-    if found is None:
-        return name.strip(), ""
-    return found[1], (found[2] if found[3] is None else found[3]).strip()
+    text = name.strip()
+    for opening, closing in ("[]", "()"):
+        before, _, unit = text.removesuffix(closing).rpartition(opening)
+        if text.endswith(closing) and before.strip() and closing not in unit:
+            return before.rstrip(), unit.strip()
+    return text, ""
 
 
 def is_time_name(name: str) -> bool:

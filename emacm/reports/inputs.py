@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
@@ -13,6 +12,7 @@ import pandas as pd
 
 from emacm._checks import located
 from emacm.files.layout import Layout
+from emacm.files.toml_files import read_toml
 from emacm.machine.gears import Gear, PlanetaryGear
 from emacm.machine.motors import InductionMotor, Motor
 from emacm.machine.parts import Part
@@ -41,7 +41,7 @@ def read_actions(path: Path) -> dict[str, Any]:
         If it has no actions.
     """
     with located(str(path)):
-        content = _toml(path)
+        content = read_toml(path)
         found = content.get("actions", content)
         if not isinstance(found, dict) or not found:
             raise ValueError('it must hold actions, as in: worn = "Replace the bearing."')
@@ -71,7 +71,7 @@ def read_parts(path: Path) -> list[Any]:
     kinds: dict[str, type[Part]] = {kind.__name__: kind for kind in _PARTS}
     found: list[Any] = []
     with located(str(path)):
-        for name, tables in _toml(path).items():
+        for name, tables in read_toml(path).items():
             if name == "orders":
                 found.append(tables)
                 continue
@@ -189,11 +189,3 @@ def _written(path: Path) -> pd.Timestamp:
     if not path.exists():
         return pd.Timestamp.now()
     return pd.Timestamp.fromtimestamp(path.stat().st_mtime)
-
-
-def _toml(path: Path) -> dict[str, Any]:
-    with open(path, "rb") as file:
-        try:
-            return tomllib.load(file)
-        except tomllib.TOMLDecodeError as error:
-            raise ValueError(f"it is not valid TOML: {error}.") from error

@@ -194,7 +194,7 @@ JITTER = np.arange(N) / 500 + np.where(np.arange(N) % 2, 0.0005, 0)
             None,
             r"goes back at sample 31, to 0.06 s",
         ),
-        (np.where(np.arange(N) == 30, np.nan, np.arange(N)), None, "is nan at sample 30"),
+        (np.where(np.arange(N) == 30, np.nan, np.arange(N)), None, "got nan at sample 30"),
     ],
 )
 def test_bad_times_are_refused_with_the_sample_and_a_remedy(tmp_path, times, fs, message):
@@ -284,7 +284,7 @@ def test_a_bad_file_of_a_layout_is_refused(tmp_path, text, message):
     (tmp_path / "layout.toml").write_text(text)
     with pytest.raises(ValueError, match=message):
         Layout.from_toml(tmp_path / "layout.toml")
-    with pytest.raises(FileNotFoundError, match="there is no layout"):
+    with pytest.raises(FileNotFoundError, match="there is no file"):
         Layout.from_toml(tmp_path / "none.toml")
 
 
