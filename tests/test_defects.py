@@ -265,6 +265,7 @@ def test_names_of_files_that_are_not_utf_8_are_read_and_printed(tmp_path):
     assert recording.meta == {"unit": r"pr\xfcf", "run": 1}
     with pytest.raises(ValueError, match=r"pr\\xfcf_1.csv: it has no column 'd'"):
         assert open_recording(path, Layout(fs=5, velocity=3, channels=["d"])).duration
+    assert main(["inspect", str(path), "--draft", str(tmp_path / "a.toml")]) == 0
 
 
 # Scores and pages

@@ -17,7 +17,7 @@ from emacm._checks import located
 from emacm.files.file_columns import FileColumns, rates_of_columns, stated_rates
 from emacm.files.layout import Layout
 from emacm.files.readers import read_columns
-from emacm.recordings.names import is_time_name, unit_factor, unit_in_name
+from emacm.recordings.names import is_time_name, printable, unit_factor, unit_in_name
 
 _ANGLES = ("angle", "theta", "encoder", "winkel")
 
@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
     int
         0.
     """
-    with located(str(options.file)):
+    with located(printable(options.file)):
         contents = contents_of(options.file)
     with pd.option_context("display.width", 200, "display.max_columns", None):
         print(contents_table(contents).to_string())
@@ -203,7 +203,7 @@ def draft_layout(contents: Contents, path: Path) -> str:
     str
     """
     lines = [
-        f"# Layout of files like {path.name}; see emacm.Layout for all options.",
+        f"# Layout of files like {printable(path.name)}; see emacm.Layout for all options.",
         '# "FILL IN": the file does not state it. Correct the line, and remove its first #.',
     ]
     if contents.times is not None:
