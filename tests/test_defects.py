@@ -157,7 +157,7 @@ def hdf5_of(path, **options):
     with h5py.File(path, "w") as file:
         file["b"] = np.ones(9)
         if "link" in options:
-            file["c"] = h5py.ExternalLink(*options["link"])
+            file["left/c"], file["right/c"] = h5py.ExternalLink(*options["link"]), np.ones(9)
         elif "virtual" in options:
             layout = h5py.VirtualLayout((9,), "f8")
             layout[:] = h5py.VirtualSource(*options["virtual"], (9,))

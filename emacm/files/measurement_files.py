@@ -196,11 +196,12 @@ def read_hdf5(path: Path, content: FileColumns, *, separator: str = "/") -> None
     """
     h5py = optional_library("h5py", "HDF5 and MAT 7.3")
     with h5py.File(path, "r") as file:
-        links, nodes = dict[str, Any](), dict[str, Any]()
-        file.visititems_links(links.__setitem__)
+        nodes: dict[str, Any] = {}
         file.visititems(nodes.__setitem__)
-        elsewhere = [place for place, link in links.items() if isinstance(link, h5py.ExternalLink)]
         sets = {place: node for place, node in nodes.items() if isinstance(node, h5py.Dataset)}
+        groups = [file, *(node for node in nodes.values() if isinstance(node, h5py.Group))]
+        links = [(key, group.get(key, getlink=True)) for group in groups for key in group]
+        elsewhere = [key for key, link in links if isinstance(link, h5py.ExternalLink)]
         elsewhere += [place for place, one in sets.items() if one.external or one.is_virtual]
         if elsewhere:
             raise RefusedFileError(
