@@ -291,6 +291,8 @@ def read_mdf(path: Path, content: FileColumns) -> None:
     """Add the channels of an MDF 4 file, with rates from their time stamps."""
     asammdf = optional_library("asammdf", "MDF", extra="mdf")
     with asammdf.MDF(str(path)) as file:
+        groups = [group.channel_group for group in file.groups]
+        check_stated_size(path, sum(group.cycles_nr * group.samples_byte_nr for group in groups))
         for signal in file.iter_channels():
             values = np.asarray(signal.samples)
             if values.dtype.kind not in "biuf" or len(values) < 2:
