@@ -226,13 +226,18 @@ class LineLevels:
         """
         return line_heights(psd, self._width)
 
-    def measure(self, psd: Array) -> tuple[Array, Array, list[Array]]:
+    def measure(
+        self, psd: Array, explained: NDArray[np.bool_] | None = None
+    ) -> tuple[Array, Array, list[Array]]:
         """Measure the level of each series.
 
         Parameters
         ----------
         psd : ndarray of shape (n_rows, n_orders)
             Order spectra [U²/order] in any unit U.
+        explained : ndarray of bool, shape (n_orders,), optional
+            Orders whose lines do not count, as of `explained`: their heights are NaN. A series of
+            several lines of which fewer than two remain has the level -inf.
 
         Returns
         -------
@@ -253,7 +258,11 @@ class LineLevels:
         for fault, (grid, places) in zip(self.series, self._places, strict=True):
             apart = self._apart_from_shaft(fault)
             values = peaks[apart.astype(np.intp), :, places].transpose(2, 0, 1)
-            means = values.mean(axis=2)
+            if explained is not None:
+                values = np.where(explained[places], np.nan, values)
+            counts = np.isfinite(values).sum(axis=2)
+            means = np.nansum(values, axis=2) / np.maximum(counts, 1)
+            means[counts < min(2, values.shape[2])] = -np.inf
             # Of equal levels the smallest slip.
             nearest = np.argsort(np.abs(grid), kind="stable")
             best = nearest[np.argmax(means[:, nearest], axis=1)]
@@ -261,6 +270,56 @@ class LineLevels:
             slips.append(grid[best])
             lines.append(values[rows, best])
         return np.stack(levels, axis=1), np.stack(slips, axis=1), lines
+
+    def explained(
+        self, fault: FaultSeries, slip: float, modulations: Sequence[float], n_sidebands: int = 3
+    ) -> NDArray[np.bool_]:
+        """Return which orders a fault explains: its harmonics with their sidebands.
+
+        Parameters
+        ----------
+        fault : FaultSeries
+            The fault.
+        slip : float
+            Its slip, as `measure` finds it.
+        modulations : sequence of float
+            Orders of the modulations.
+        n_sidebands : int
+            Sidebands on either side, by each modulation.
+
+        Returns
+        -------
+        ndarray of bool, shape (n_orders,)
+        """
+        first = fault.orders[0] * (1 + slip)
+        carriers = first * np.arange(1, np.ceil(self.orders[-1] / first) + 1)
+        sides = np.outer(np.arange(-n_sidebands, n_sidebands + 1), modulations).ravel()
+        lines = np.add.outer(carriers, [0.0, *sides]).ravel()
+        distance = np.abs(self.orders[:, np.newaxis] - lines).min(axis=1)
+        return np.asarray(distance < (SETTINGS.skirt + 0.5) * self._step)
+
+    def amplitude(self, psd: Array, fault: FaultSeries, slip: float) -> float:
+        """Return the amplitude of the sum of the lines of a fault, in the unit of the signal.
+
+        The power of a line is the integral of its main lobe above the background.
+
+        Parameters
+        ----------
+        psd : ndarray of shape (1, n_orders)
+            Order spectrum.
+        fault : FaultSeries
+            The fault.
+        slip : float
+            Its slip, as `measure` finds it.
+
+        Returns
+        -------
+        float
+        """
+        places = np.rint((np.array(fault.orders) * (1 + slip) - self._first) / self._step)
+        lobes = np.add.outer(places.astype(np.intp), np.arange(-SETTINGS.skirt, SETTINGS.skirt + 1))
+        above = (psd - self.background(psd))[0, np.clip(lobes, 0, len(self.orders) - 1)]
+        return float(np.sqrt(2 * self._step * np.maximum(above.sum(axis=1), 0.0).sum()))
 
     def background(self, psd: Array) -> Array:
         """Return the local background of each line, of the shape and the unit of `psd`."""

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
+from sklearn.base import clone
 
 from emacm._checks import check_count, check_number, located
 from emacm.conditions.healthy import are_recordings, check_rates, common_rates
@@ -20,32 +22,62 @@ from emacm.models.recipes import bearing_recipe, highest_order
 from emacm.orders.columns import column_names, parse_order_columns
 from emacm.recordings.inputs import as_recordings, check_channel_names, described
 from emacm.recordings.recording import Recording
+from emacm.resampling.quality import CHANNEL_CHECKS, check_channel
 
 
 @dataclass(frozen=True)
 class NamingSettings:
-    """When a fault is named: chosen by ``python benchmarks/bearings.py`` on CWRU and MFPT data.
+    """When a fault is named or suspected.
+
+    Chosen by ``python benchmarks/bearings.py`` on the drive end of CWRU and on MFPT, and, for
+    several faults, on simulated bearings; the fan end and UESTC were not used.
 
     Attributes
     ----------
-    least_score : float
-        Score that a fault must have, and by which it must exceed the healthy ones [dB].
+    suspected : float
+        Score from which on a fault is suspected; with healthy recordings, the distance from their
+        highest score from which on it is named [dB].
+    named : float
+        Score from which on a fault is named without healthy recordings [dB].
+    depth : float
+        Depth of modulation from which on it is named without healthy recordings: amplitude of the
+        lines over the mean of the envelope.
     single_line : float
         Height by which the highest line of a fault may exceed the second one [dB].
+    further : float
+        Height of two lines from which on a further fault is named, if those before it do not
+        explain them [dB].
+    weaker : float
+        Largest difference of its mean height to that of the first one [dB].
     sidebands : float
         Height of sidebands above the background from which on they are mentioned [dB].
+    speed_error : float
+        Largest deviation of a speed or a geometry that is looked for, as a fraction.
     longest, shortest : int
         Length of a segment, and of the longest stroke of a recording at least [revolutions].
+    fine : int
+        Length of a segment in which the lines of several faults are told apart [revolutions].
+    narrow : float
+        Spectral lines on either side that are background, if they are within half an order:
+        strong lines are widened by random slip, and their skirts are no lines of other faults.
     """
 
-    least_score: float = 3.0
+    suspected: float = 3.0
+    named: float = 6.0
+    depth: float = 0.04
     single_line: float = 12.0
+    further: float = 8
+    weaker: float = 15
     sidebands: float = 3.0
+    speed_error: float = 0.1
     longest: int = 25
     shortest: int = 10
+    fine: int = 100
+    narrow: float = 12.5
 
 
 SETTINGS = NamingSettings()
+NONE, NOT_ASSESSED = "none", "not assessed"
 
 
 def find_faults(
@@ -61,7 +93,8 @@ def find_faults(
     """Name the fault of each recording and channel from the geometry of the machine.
 
     No training is needed. A fault is named if its lines are significantly above the local
-    background (p-value) and far enough above it (effect size).
+    background (p-value), far enough above it, and modulate the envelope deeply enough. Lines that
+    healthy machines may also have are suspected. What carries no answer is not assessed.
 
     Parameters
     ----------
@@ -83,7 +116,7 @@ def find_faults(
         Channels, in this order. Default: all.
     healthy : list of Recording, or table, optional
         The same machine without faults, measured in the same way. Healthy machines have lines
-        too: a fault is then named only if it is 3 dB above its highest healthy score.
+        too: a fault is then named if it is 3 dB above its highest healthy score, whatever it is.
 
     Returns
     -------
@@ -91,7 +124,10 @@ def find_faults(
         One row for each recording and channel. Columns:
 
         - "recording" (number in X), "channel",
-        - "named": name of the fault, or "none",
+        - "named": name of the fault, or several joined by " + ", the strongest first; "none"; or
+          "not assessed", with the reason in "explanation",
+        - "suspected": in the same form, lines that healthy machines may also have at this level,
+          or that another speed or geometry would explain; "none" if a fault is named,
         - the name of each fault: its score [dB], the mean level of its lines above the local
           background, minus that of background alone (1 to 3 dB, because the best slip is chosen),
         - "p(<fault>)": probability of a score at least as high in background alone, not
@@ -109,10 +145,21 @@ def find_faults(
 
     Notes
     -----
-    Without `healthy`, a fault must have a score of 3 dB. This number is from the faults of the CWRU
-    drive end and from the MFPT recordings, where healthy bearings score at most 0.7 dB and damaged
-    ones at least 7.5 dB; a machine with lines of its own near the predicted orders needs `healthy`.
-    The p-value only excludes background: it says nothing about other sources of lines.
+    Without `healthy`, a fault is suspected from a score of 3 dB on, and named from 6 dB on, if the
+    amplitude of its lines is at least 4 % of the mean of the envelope (recordings only). These
+    numbers are from the drive end of CWRU and from MFPT; healthy bearings of other machines have
+    reached 9.5 dB, with which `healthy` or a trend decides. The p-value only excludes background:
+    it says nothing about other sources of lines.
+
+    If the strongest fault is rejected, no other one is named. A further fault is named by lines
+    that those before it do not explain, in a spectrum of up to 100 revolutions: harmonics of those,
+    and their sidebands at three multiples of shaft and cage. At least two such lines must be 8 dB
+    above a background of 12 spectral lines on either side. Lines that coincide name nothing: the
+    faults of bearings with orders near whole numbers are often told apart incompletely.
+
+    A channel that is constant, clipped or has drop-outs is not assessed. If lines within 10 % of
+    the predicted orders, but outside of `slip`, would be named, then the speed, the rate or the
+    geometry is wrong, and the explanation states which speed would fit.
 
     Rolling elements are not synchronous with the shaft, so whole orders count as background for
     their lines (a loose part or a blade has lines there) unless a line is predicted there. The
@@ -121,8 +168,7 @@ def find_faults(
     of the drive end and of MFPT it is within 8.2 dB.
 
     An order that modulates another fault of the machine (the cage FTF modulates the lines of a
-    ball, the shaft those of the inner ring) is named only if no other fault is, since a damaged
-    ball shows it too.
+    ball, the shaft those of the inner ring) is not named: the other one is suspected.
 
     Examples
     --------
@@ -153,29 +199,29 @@ def find_faults(
         if are_recordings(healthy):
             check_rates(X, common_rates(healthy))
         with located("healthy"):
-            for _, channel, faults in _measured(healthy, parts, series, **options):
-                before = highest.get(channel, [0.0] * len(faults))
-                highest[channel] = [max(f.score, b) for f, b in zip(faults, before, strict=True)]
+            for measured in _measured(healthy, parts, series, **options):
+                scores = [fault.score for fault in measured.spectrum.faults()]
+                before = highest.get(measured.channel, [0.0] * len(scores))
+                highest[measured.channel] = list(map(max, scores, before))
     rows = []
-    for number, channel, faults in _measured(X, parts, series, **options):
+    for measured in _measured(X, parts, series, **options):
         if healthy is not None:
-            check_channel_names(list(highest), [channel], "healthy")
-        limits = [SETTINGS.least_score + h for h in highest.get(channel, [0.0] * len(faults))]
-        row = {"recording": number, "channel": channel} | _row(faults, limits, false_alarm)
-        explanation = row.pop("explanation")
-        rows.append(row | {"calibrated": healthy is not None, "explanation": explanation})
+            check_channel_names(list(highest), [measured.channel], "healthy")
+        found = _Finding.of(measured, highest.get(measured.channel), false_alarm)
+        row = {"recording": measured.number, "channel": measured.channel} | found.columns()
+        rows.append(row | {"calibrated": healthy is not None, "explanation": found.text})
     return pd.DataFrame(rows)
 
 
 class _Fault(NamedTuple):
-    """A fault in one recording and channel: its score [dB], its slip, and heights of lines [dB]."""
+    """A fault in one spectrum: its score [dB], its slip, and heights of lines [dB]."""
 
     series: FaultSeries
     score: float
     p: float
     slip: float
     heights: list[float]
-    sidebands: dict[str, float]
+    depth: float
 
     @property
     def is_single(self) -> bool:
@@ -187,31 +233,243 @@ class _Fault(NamedTuple):
         several = self.series.slips and len(self.heights) > 1
         return several and highest - second > SETTINGS.single_line
 
-    def modulated(self, faults: Sequence[_Fault]) -> list[str]:
-        """Return the names of the faults that are modulated at the order of this one."""
-        order, series = self.series.orders[0], [fault.series for fault in faults]
-        return [s.name for s in series if any(np.isclose(order, o) for _, o in s.sidebands)]
+    def modulated(self, faults: Sequence[_Fault]) -> list[_Fault]:
+        """Return the faults that are modulated at the order of this one."""
+        order = self.series.orders[0]
+        return [f for f in faults if any(np.isclose(order, o) for _, o in f.series.sidebands)]
+
+
+class _Spectrum(NamedTuple):
+    """The envelope spectrum of one recording and channel, with the lines to look for.
+
+    Attributes
+    ----------
+    lines : LineLevels
+        On the axis of the spectrum.
+    psd : ndarray of shape (1, n_orders)
+        Order spectrum.
+    mean : float
+        Mean of the envelope; NaN for a table.
+    """
+
+    lines: LineLevels
+    psd: NDArray[np.float64]
+    mean: float = np.nan
+
+    def faults(self, explained: NDArray[np.bool_] | None = None) -> list[_Fault]:
+        """Measure all faults, without the lines that are explained."""
+        levels, slips, heights = self.lines.measure(self.psd, explained)
+        scores, p = self.lines.compare(self.psd, levels)
+        own = [each[0][np.isfinite(each[0])].tolist() for each in heights]
+        sizes = [
+            self.lines.amplitude(self.psd, fault, slip) / (self.mean or np.nan)
+            for fault, slip in zip(self.lines.series, slips[0], strict=True)
+        ]
+        return list(map(_Fault, self.lines.series, scores[0], p[0], slips[0], own, sizes))
+
+    def further(self, named: Sequence[str], false_alarm: float) -> _Fault | None:
+        """Return the strongest fault that has lines which those named do not explain."""
+        faults = self.faults()
+        known = [fault for fault in faults if fault.series.name in named]
+        least = max(np.mean(fault.heights) for fault in known) - SETTINGS.weaker
+        turns = {order for fault in faults for _, order in fault.series.sidebands} | {1.0}
+        explained = [
+            self.lines.explained(fault.series, fault.slip, [turn * slowed for turn in turns])
+            for fault in known
+            for slowed in (1.0, 1 + fault.slip)  # the shaft, and the cage, which slips as well
+        ]
+        rest = [
+            fault
+            for fault in self.faults(np.logical_or.reduce(explained))
+            if fault.series.name not in named
+            and not fault.modulated(faults)
+            and fault.p <= false_alarm / len(faults)
+            and sorted(fault.heights)[-2:][0] >= SETTINGS.further
+            and np.mean(fault.heights) >= least
+            and not fault.is_single
+        ]
+        return max(rest, key=lambda fault: fault.score, default=None)
+
+
+class _Measured(NamedTuple):
+    """What is measured of one recording and channel.
+
+    Attributes
+    ----------
+    number, channel : int, str
+        Row or recording, and channel.
+    spectrum, wide, fine : _Spectrum
+        With the lines within the slip; within the largest error of a speed; of long segments.
+    rpm : float
+        Speed [1/min]; NaN for a table.
+    defect : str
+        Why nothing can be found in it, or "".
+    """
+
+    number: int
+    channel: str
+    spectrum: _Spectrum
+    wide: _Spectrum | None
+    fine: _Spectrum
+    rpm: float = np.nan
+    defect: str = ""
+
+
+class _Finding(NamedTuple):
+    """What is named and suspected in a spectrum, with the scores of all faults, and why."""
+
+    faults: list[_Fault]
+    named: str
+    suspected: str
+    best: _Fault
+    text: str
+
+    @classmethod
+    def of(
+        cls, measured: _Measured, healthy: Sequence[float] | None, false_alarm: float
+    ) -> _Finding:
+        """Decide on what is measured."""
+        spectrum, faults = measured.spectrum, measured.spectrum.faults()
+        own = [fault for fault in faults if not fault.modulated(faults)] or faults
+        best = max(own, key=lambda fault: fault.score)
+        if measured.defect:
+            return cls(faults, NOT_ASSESSED, NONE, best, f"not assessed: {measured.defect}")
+        if false_alarm == 1:
+            return cls(faults, best.series.name, NONE, best, _sentence(spectrum, best, faults))
+        reason = _reason(best, faults, healthy, false_alarm)
+        if not reason:
+            names, text = [best.series.name], _sentence(spectrum, best, faults)
+            while (more := measured.fine.further(names, false_alarm)) is not None:
+                names.append(more.series.name)
+                text += f"; {_sentence(measured.fine, more, faults)}"
+            return cls(faults, " + ".join(names), NONE, best, text)
+        error = None if healthy else _speed_error(measured.wide, best, faults, false_alarm)
+        if error is not None:
+            text = f"not assessed: {_speed_text(measured.rpm, error)}"
+            return cls(faults, NOT_ASSESSED, error.series.name, error, text)
+        passed = [fault for fault in faults if not _unlikely(fault, faults, false_alarm)]
+        best = best if best in passed or not passed else max(passed, key=lambda f: f.score)
+        causes = best.modulated(faults) or [best]
+        suspected = " + ".join(f.series.name for f in causes) if passed and not healthy else NONE
+        sentence = _sentence(spectrum, best, faults)
+        text = f"{'no fault' if suspected == NONE else f'{suspected} is suspected'}: {sentence}"
+        return cls(faults, NONE, suspected, best, f"{text}{reason}")
+
+    def columns(self) -> dict[str, Any]:
+        """Return the columns of the row."""
+        return {
+            "named": self.named,
+            "suspected": self.suspected,
+            **{fault.series.name: fault.score for fault in self.faults},
+            **{f"p({fault.series.name})": fault.p for fault in self.faults},
+            "slip": self.best.slip,
+        }
+
+
+def _unlikely(fault: _Fault, faults: Sequence[_Fault], false_alarm: float) -> bool:
+    """Tell whether a fault is not even suspected."""
+    likely = fault.score >= SETTINGS.suspected and fault.p <= false_alarm / len(faults)
+    return not likely or fault.is_single
+
+
+def _reason(
+    fault: _Fault, faults: Sequence[_Fault], healthy: Sequence[float] | None, false_alarm: float
+) -> str:
+    """Return why a fault is not named, or ""."""
+    limit = SETTINGS.named
+    if healthy is not None:
+        limit = SETTINGS.suspected + healthy[faults.index(fault)]
+    if fault.p > false_alarm / len(faults):
+        return f", which background alone may reach (p = {fault.p:.2g})"
+    if fault.score < limit:
+        remedy = "" if healthy else "; healthy recordings of the machine would decide"
+        return f"; its score of {fault.score:.1f} dB is below {limit:.1f} dB{remedy}"
+    if fault.is_single:
+        return "; a single line is a modulation, impacts have harmonics"
+    if healthy is None and fault.depth < SETTINGS.depth:
+        return (
+            f"; they modulate the envelope by {100 * fault.depth:.1f} %, as those of healthy "
+            f"machines do, which would decide"
+        )
+    return ""
+
+
+def _speed_error(
+    wide: _Spectrum | None, best: _Fault, faults: Sequence[_Fault], false_alarm: float
+) -> _Fault | None:
+    """Return a fault whose lines are outside of the slip, as those of another speed are."""
+    found = [
+        fault
+        for fault in (wide.faults() if wide is not None else ())
+        if fault.series.slips
+        and not fault.modulated(faults)
+        and not _reason(fault, faults, None, false_alarm)
+        and fault.score >= best.score + SETTINGS.suspected
+    ]
+    return max(found, key=lambda fault: fault.score, default=None)
+
+
+def _speed_text(rpm: float, fault: _Fault) -> str:
+    """State the speed or geometry that fits the lines of a fault."""
+    order = fault.series.orders[0]
+    side = "above" if fault.slip > 0 else "below"
+    text = (
+        f"lines at {order * (1 + fault.slip):.3f} and multiples of it are like those of "
+        f"{fault.series.name}, but {100 * abs(fault.slip):.1f} % {side} {order:.3f}"
+    )
+    rpm = rpm * (1 + fault.slip)
+    remedy = "" if np.isnan(rpm) else f": is the speed {rpm:.0f} rpm, or the rate wrong?"
+    return f"{text}{remedy} Otherwise correct the geometry, or raise slip."
 
 
 def _measured(
     X: Any, parts: Any, series: tuple[FaultSeries, ...], **options: Any
-) -> Iterator[tuple[int, str, list[_Fault]]]:
-    """Measure the faults of each recording and channel of recordings or of a table."""
+) -> Iterator[_Measured]:
+    """Measure each recording and channel of recordings or of a table."""
     slip, channels = options["slip"], options["channels"]
     if column_names(X) is not None:
-        yield from _of_table(X, 0, series, slip, channels)
+        for number, channel, spectrum in _of_table(X, series, slip, channels):
+            yield _Measured(number, channel, spectrum, _wide(spectrum, slip), spectrum)
         return
     top = highest_order(parts, options["harmonics"], slip)
     for index, recording in enumerate(as_recordings(X, "find_faults")):
         with located(partial(described, recording, index)):
-            revolutions = _segment(recording, top, channels)
+            longest = _longest(recording, top, channels)
+            revolutions = min(SETTINGS.longest, longest)
             recipe = bearing_recipe(parts, revolutions=revolutions, **options)
-            spectra = recipe[:-1].fit_transform([recording])
-            yield from _of_table(spectra, index, series, slip, channels)
+            envelope = recipe[:2].fit_transform([recording])
+            over_angle = recipe[2].fit_transform(envelope)
+            fine = clone(recipe[3]).set_params(revolutions=min(SETTINGS.fine, longest))
+            tables = (psd.fit_transform(over_angle) for psd in (recipe[3], fine))
+            paths, signals = recording.paths(), envelope[0].signals
+            speed = sum(path.length for path in paths) / sum(path.n_times for path in paths)
+            both = (_of_table(table, series, slip, channels) for table in tables)
+            for (_, channel, coarse), (*_, detailed) in zip(*both, strict=True):
+                mean = float(np.mean(signals[channel]))
+                spectrum, detailed = coarse._replace(mean=mean), detailed._replace(mean=mean)
+                yield _Measured(
+                    index,
+                    channel,
+                    spectrum,
+                    _wide(spectrum, slip),
+                    detailed,
+                    speed * recording.shaft_fs * 30 / np.pi,
+                    _defect(recording, channel),
+                )
 
 
-def _segment(recording: Recording, top: float, channels: Any) -> int:
-    """Return the length of the segments of a recording [revolutions]."""
+def _defect(recording: Recording, channel: str) -> str:
+    """Return why a channel carries no answer, or "". A vibration is no switch."""
+    last = len(recording.velocity)
+    starts = [round(path.start_time * recording.shaft_fs) for path in recording.paths()]
+    spans = zip(starts, recording.paths(), strict=True)
+    turning = [(start / last, (start + path.n_times) / last) for start, path in spans]
+    settings = replace(CHANNEL_CHECKS, digital=1.0)
+    return check_channel(recording.series[channel], channel, turning, settings=settings).text
+
+
+def _longest(recording: Recording, top: float, channels: Any) -> int:
+    """Return the whole revolutions of the longest stroke."""
     longest = max((path.length for path in recording.paths()), default=0.0) / (2 * np.pi)
     if longest < SETTINGS.shortest:
         raise ValueError(
@@ -229,13 +487,13 @@ def _segment(recording: Recording, top: float, channels: Any) -> int:
                 f"{recording.fs[name]:g} Hz, ends at {width:.4g} Hz. Lower harmonics, or leave out "
                 f"the parts with the highest orders."
             )
-    return min(SETTINGS.longest, int(longest))
+    return int(longest)
 
 
 def _of_table(
-    table: Any, first: int, series: tuple[FaultSeries, ...], slip: float, channels: Any
-) -> Iterator[tuple[int, str, list[_Fault]]]:
-    """Measure the faults of each row and channel of a table."""
+    table: Any, series: tuple[FaultSeries, ...], slip: float, channels: Any
+) -> Iterator[tuple[int, str, _Spectrum]]:
+    """Return the spectrum of each row and channel of a table."""
     # FaultLines checks the table: its axis, its values, its channels.
     lowest = {fault.name: fault.orders[0] for fault in series}
     checked = FaultLines(lowest, harmonics=1, channels=channels).fit(table)
@@ -246,12 +504,17 @@ def _of_table(
         block = block_of[channel]
         psd = rows[number : number + 1, block.columns]
         lines = _line_levels(tuple(block.orders.tolist()), series, slip)
-        levels, slips, heights = lines.measure(psd)
-        excess, p = lines.compare(psd, levels)
-        of_lines = [own[0].tolist() for own in heights]
-        sidebands = [lines.sidebands(psd, *own) for own in zip(series, slips[0], strict=True)]
-        columns = series, excess[0], p[0], slips[0], of_lines, sidebands
-        yield first + number, channel, list(map(_Fault, *columns))
+        yield number, channel, _Spectrum(lines, psd)
+
+
+def _wide(spectrum: _Spectrum, slip: float) -> _Spectrum | None:
+    """Return a spectrum with lines within the largest error of a speed, as far as it reaches."""
+    widest, orders = max(SETTINGS.speed_error, slip), spectrum.lines.orders
+    top = orders[-2] / (1 + widest) - orders[1]
+    cut = [replace(s, orders=tuple(o for o in s.orders if o <= top)) for s in spectrum.lines.series]
+    series = tuple(fault for fault in cut if len(fault.orders) > 1)
+    lines = _line_levels(tuple(orders.tolist()), series, widest) if series else None
+    return None if lines is None else spectrum._replace(lines=lines)
 
 
 @lru_cache(maxsize=32)
@@ -259,49 +522,18 @@ def _line_levels(
     orders: tuple[float, ...], series: tuple[FaultSeries, ...], slip: float
 ) -> LineLevels:
     """Return the measurement for an order axis, with the backgrounds it has simulated."""
-    return LineLevels(np.array(orders), series, slip, LINES.background, without_shaft=True)
+    background = min(LINES.background, SETTINGS.narrow * (orders[1] - orders[0]))
+    return LineLevels(np.array(orders), series, slip, background, without_shaft=True)
 
 
-def _row(faults: list[_Fault], limits: list[float], false_alarm: float) -> dict[str, Any]:
-    """Return the result of one recording and channel: what is named, scores, and why."""
-    passed = [
-        fault
-        for fault, limit in zip(faults, limits, strict=True)
-        if false_alarm == 1
-        or (fault.p <= false_alarm / len(faults) and fault.score >= limit and not fault.is_single)
-    ]
-    own = [fault for fault in passed if not fault.modulated(faults)]
-    named = max(own or passed, key=lambda fault: fault.score, default=None)
-    best = named or max(faults, key=lambda fault: fault.score)
-    text = _lines_text(best)
-    if named is not None:
-        others = named.modulated(faults)
-        text += "" if named.series.kind in ("", "given") else f": {named.series.kind}"
-        text += f", or the modulation of {' or '.join(others)}" if others else ""
-    else:
-        text = f"no fault: {text}{_reason(best, limits[faults.index(best)])}"
-    return {
-        "named": "none" if named is None else named.series.name,
-        **{fault.series.name: fault.score for fault in faults},
-        **{f"p({fault.series.name})": fault.p for fault in faults},
-        "slip": best.slip,
-        "explanation": text,
-    }
-
-
-def _lines_text(fault: _Fault) -> str:
+def _sentence(spectrum: _Spectrum, fault: _Fault, faults: Sequence[_Fault]) -> str:
     """Describe the lines of a fault."""
     name, (*others, last) = fault.series.name, [f"{height:.0f}" for height in fault.heights]
     lines = f"{name} and its harmonics are {', '.join(others)} and" if others else f"{name} is"
-    sides = [name for name, level in fault.sidebands.items() if level >= SETTINGS.sidebands]
+    levels = spectrum.lines.sidebands(spectrum.psd, fault.series, fault.slip)
+    sides = [side for side, level in levels.items() if level >= SETTINGS.sidebands]
     beside = f", with {' and '.join(sides)} sidebands" if sides else ""
-    return f"{lines} {last} dB above the local background{beside}"
-
-
-def _reason(fault: _Fault, limit: float) -> str:
-    """Return why the fault of the highest score is not named."""
-    if fault.score < limit:
-        return f"; its score of {fault.score:.1f} dB, the highest, is below {limit:.1f} dB"
-    if fault.is_single:
-        return "; a single line is a modulation, impacts have harmonics"
-    return f", which background alone may reach (p = {fault.p:.2g})"
+    kind = "" if fault.series.kind in ("", "given") else f": {fault.series.kind}"
+    causes = [other.series.name for other in fault.modulated(faults)]
+    cause = f", or the modulation of {' or '.join(causes)}" if causes else ""
+    return f"{lines} {last} dB above the local background{beside}{kind}{cause}"

@@ -24,7 +24,7 @@ def test_the_frame_holds_the_lines_that_find_faults_tells():
     run = struck()
     display = FaultLinesDisplay.from_recording(run, BEARING)
     row = find_faults([run], BEARING, channels=["foot"]).iloc[0]
-    assert row["named"] == "BPFO"
+    assert row["suspected"] == "BPFO"
     heights = display.frame().loc["BPFO", "height"]
     listed = [f"{height:.0f}" for height in heights]
     assert f"{listed[0]}, {listed[1]} and {listed[2]} dB" in row["explanation"]

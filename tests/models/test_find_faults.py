@@ -1,6 +1,7 @@
 """A fault is named from the geometry, and a machine without one is not."""
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,43 @@ def test_each_fault_is_named_at_varying_speed_beside_strong_harmonics(fault, kin
     assert row["slip"] == pytest.approx(-0.008, abs=0.006)
     assert row["explanation"].startswith(f"{fault} and its harmonics are ")
     assert row["explanation"].endswith(f": {kind}")
+
+
+@pytest.mark.parametrize("pair", [("BPFO", "BPFI"), ("BPFO", "BSF"), ("BPFI", "BSF")])
+@pytest.mark.parametrize("strengths", [(1.0, 1.0), (1.0, 0.5), (0.5, 1.0)])
+def test_two_faults_are_named_together(pair, strengths):
+    parts = [running(f, strength=s) for f, s in zip(pair, strengths, strict=True)]
+    both = sum(part.signals["casing"] for part in parts) - running().signals["casing"]
+    run = Recording({"casing": both}, FS, velocity=parts[0].velocity)
+    assert set(find_faults([run], BEARING)["named"][0].split(" + ")) == set(pair)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda x: 0 * x, "is constant"),
+        (lambda x: np.where(np.arange(len(x)) < len(x) / 4, x, 0.0), "drop-outs"),
+        (lambda x: np.clip(x, -20, 20), "is clipped"),
+    ],
+)
+def test_a_channel_without_an_answer_is_not_assessed(change, reason):
+    run = running("BPFO")
+    changed = Recording({"casing": change(run.signals["casing"])}, FS, velocity=run.velocity)
+    found = find_faults([changed], BEARING).iloc[0]
+    assert found["named"] == "not assessed"
+    assert reason in found["explanation"]
+
+
+@pytest.mark.parametrize("error", [0.95, 1.06])
+def test_a_wrong_speed_is_noticed_and_the_right_one_is_stated(error):
+    t = np.arange(5 * FS) / FS
+    struck = np.diff(np.floor(3.56 * 30 * t), prepend=0) > 0
+    signal = np.convolve(struck, 12 * RING)[: len(t)] + np.random.default_rng(0).normal(size=len(t))
+    run = Recording({"casing": signal}, FS, velocity=TURN * 30 * error)
+    found = find_faults([run], BEARING).iloc[0]
+    assert (found["named"], found["suspected"]) == ("not assessed", "BPFO")
+    stated = float(re.search(r"is the speed (\d+) rpm", found["explanation"])[1])
+    assert stated == pytest.approx(1800, rel=0.015)  # 0.7 % of slip
 
 
 def test_the_sentence_tells_the_sidebands_of_the_shaft():
@@ -100,15 +138,15 @@ def test_each_channel_has_a_row_and_each_recording_is_judged_alone():
     assert alone == found["BPFO"][0]
 
 
-def test_the_cage_is_named_only_if_no_other_fault_is():
+def test_the_cage_alone_makes_the_ball_suspected():
     orders = np.arange(0, 501) / 25
     psd = np.random.default_rng(4).standard_gamma(6, len(orders))
     for k in (1, 2, 3):
         psd[round(k * ORDERS["FTF"] * 25)] *= 60
     columns = [f"casing@{order!r}" for order in orders.tolist()]
     cage = find_faults(pd.DataFrame([psd], columns=columns), BEARING).iloc[0]
-    assert cage["named"] == "FTF"
-    assert cage["explanation"].endswith(": cage, or the modulation of BSF")
+    assert (cage["named"], cage["suspected"]) == ("none", "BSF")
+    assert ": cage, or the modulation of BSF" in cage["explanation"]
     for k in (2, 4, 6):
         psd[round(k * ORDERS["BSF"] * 25)] *= 20
     assert find_faults(pd.DataFrame([psd], columns=columns), BEARING)["named"].tolist() == ["BSF"]
