@@ -50,7 +50,7 @@ class NamingSettings:
     weaker : float
         Largest difference of its mean height to that of the first one [dB].
     sidebands : float
-        Height of sidebands above the background from which on they are mentioned [dB].
+        Height from which on sidebands are stated [dB].
     speed_error : float
         Largest deviation of a speed or a geometry that is looked for, as a fraction.
     longest, shortest : int
@@ -66,7 +66,7 @@ class NamingSettings:
     named: float = 6.0
     depth: float = 0.04
     single_line: float = 12.0
-    further: float = 8
+    further: float = 9.0
     weaker: float = 15
     sidebands: float = 3.0
     speed_error: float = 0.1
@@ -153,19 +153,20 @@ def find_faults(
 
     If the strongest fault is rejected, no other one is named. A further fault is named by lines
     that those before it do not explain, in a spectrum of up to 100 revolutions: harmonics of those,
-    and their sidebands at three multiples of shaft and cage. At least two such lines must be 8 dB
+    and their sidebands at three multiples of shaft and cage. At least two such lines must be 9 dB
     above a background of 12 spectral lines on either side. Lines that coincide name nothing: the
     faults of bearings with orders near whole numbers are often told apart incompletely.
 
-    A channel that is constant, clipped or has drop-outs is not assessed. If lines within 10 % of
-    the predicted orders, but outside of `slip`, would be named, then the speed, the rate or the
-    geometry is wrong, and the explanation states which speed would fit.
+    A channel that is constant, clipped or has drop-outs is not assessed. Nor is a recording in
+    which lines within 10 % of the predicted orders, but outside of `slip`, would be named, and are
+    higher by 3 dB than those within (by 6 dB if these would be named): then the speed, the rate or
+    the geometry is wrong, and the explanation states which speed would fit.
 
     Rolling elements are not synchronous with the shaft, so whole orders count as background for
     their lines (a loose part or a blade has lines there) unless a line is predicted there. The
-    second highest line of such a fault must be within 12 dB of the highest: impacts have harmonics,
-    while a noise modulated by another shaft or by the mains has a single line. In the recordings
-    of the drive end and of MFPT it is within 8.2 dB.
+    second highest line of such a fault must be within 12 dB of the highest, or there must be
+    sidebands: impacts have harmonics, while a noise modulated by another shaft or by the mains has
+    a single line. In the recordings of the drive end and of MFPT it is within 8.2 dB.
 
     An order that modulates another fault of the machine (the cage FTF modulates the lines of a
     ball, the shaft those of the inner ring) is not named: the other one is suspected.
@@ -222,16 +223,22 @@ class _Fault(NamedTuple):
     slip: float
     heights: list[float]
     depth: float
+    sidebands: dict[str, float]
 
     @property
     def is_single(self) -> bool:
         """Whether a fault of rolling elements has one line only, as a modulation has.
 
-        Impacts have harmonics of similar height.
+        Impacts have harmonics of similar height, or sidebands.
         """
         *_, second, highest = [-np.inf, *sorted(self.heights)]
         several = self.series.slips and len(self.heights) > 1
-        return several and highest - second > SETTINGS.single_line
+        return several and highest - second > SETTINGS.single_line and not self.sides
+
+    @property
+    def sides(self) -> list[str]:
+        """Names of the modulations whose sidebands are above the background."""
+        return [name for name, level in self.sidebands.items() if level >= SETTINGS.sidebands]
 
     def modulated(self, faults: Sequence[_Fault]) -> list[_Fault]:
         """Return the faults that are modulated at the order of this one."""
@@ -261,11 +268,11 @@ class _Spectrum(NamedTuple):
         levels, slips, heights = self.lines.measure(self.psd, explained)
         scores, p = self.lines.compare(self.psd, levels)
         own = [each[0][np.isfinite(each[0])].tolist() for each in heights]
-        sizes = [
-            self.lines.amplitude(self.psd, fault, slip) / (self.mean or np.nan)
-            for fault, slip in zip(self.lines.series, slips[0], strict=True)
-        ]
-        return list(map(_Fault, self.lines.series, scores[0], p[0], slips[0], own, sizes))
+        at = list(zip(self.lines.series, slips[0], strict=True))
+        mean = self.mean or np.nan  # of a dead channel
+        depths = [self.lines.amplitude(self.psd, *each) / mean for each in at]
+        sides = [self.lines.sidebands(self.psd, *each) for each in at]
+        return list(map(_Fault, self.lines.series, scores[0], p[0], slips[0], own, depths, sides))
 
     def further(self, named: Sequence[str], false_alarm: float) -> _Fault | None:
         """Return the strongest fault that has lines which those named do not explain."""
@@ -329,29 +336,30 @@ class _Finding(NamedTuple):
         cls, measured: _Measured, healthy: Sequence[float] | None, false_alarm: float
     ) -> _Finding:
         """Decide on what is measured."""
-        spectrum, faults = measured.spectrum, measured.spectrum.faults()
+        faults = measured.spectrum.faults()
         own = [fault for fault in faults if not fault.modulated(faults)] or faults
         best = max(own, key=lambda fault: fault.score)
         if measured.defect:
             return cls(faults, NOT_ASSESSED, NONE, best, f"not assessed: {measured.defect}")
         if false_alarm == 1:
-            return cls(faults, best.series.name, NONE, best, _sentence(spectrum, best, faults))
+            return cls(faults, best.series.name, NONE, best, _sentence(best, faults))
         reason = _reason(best, faults, healthy, false_alarm)
-        if not reason:
-            names, text = [best.series.name], _sentence(spectrum, best, faults)
-            while (more := measured.fine.further(names, false_alarm)) is not None:
-                names.append(more.series.name)
-                text += f"; {_sentence(measured.fine, more, faults)}"
-            return cls(faults, " + ".join(names), NONE, best, text)
-        error = None if healthy else _speed_error(measured.wide, best, faults, false_alarm)
-        if error is not None:
+        margin = SETTINGS.suspected if reason else SETTINGS.named
+        error = None if healthy else _speed_error(measured.wide, faults, false_alarm)
+        if error is not None and error.score >= best.score + margin:
             text = f"not assessed: {_speed_text(measured.rpm, error)}"
             return cls(faults, NOT_ASSESSED, error.series.name, error, text)
+        if not reason:
+            names, text = [best.series.name], _sentence(best, faults)
+            while (more := measured.fine.further(names, false_alarm)) is not None:
+                names.append(more.series.name)
+                text += f"; {_sentence(more, faults)}"
+            return cls(faults, " + ".join(names), NONE, best, text)
         passed = [fault for fault in faults if not _unlikely(fault, faults, false_alarm)]
         best = best if best in passed or not passed else max(passed, key=lambda f: f.score)
         causes = best.modulated(faults) or [best]
         suspected = " + ".join(f.series.name for f in causes) if passed and not healthy else NONE
-        sentence = _sentence(spectrum, best, faults)
+        sentence = _sentence(best, faults)
         text = f"{'no fault' if suspected == NONE else f'{suspected} is suspected'}: {sentence}"
         return cls(faults, NONE, suspected, best, f"{text}{reason}")
 
@@ -395,16 +403,15 @@ def _reason(
 
 
 def _speed_error(
-    wide: _Spectrum | None, best: _Fault, faults: Sequence[_Fault], false_alarm: float
+    wide: _Spectrum | None, faults: Sequence[_Fault], false_alarm: float
 ) -> _Fault | None:
-    """Return a fault whose lines are outside of the slip, as those of another speed are."""
+    """Return the strongest fault that would be named with another speed."""
     found = [
         fault
         for fault in (wide.faults() if wide is not None else ())
         if fault.series.slips
         and not fault.modulated(faults)
         and not _reason(fault, faults, None, false_alarm)
-        and fault.score >= best.score + SETTINGS.suspected
     ]
     return max(found, key=lambda fault: fault.score, default=None)
 
@@ -526,13 +533,11 @@ def _line_levels(
     return LineLevels(np.array(orders), series, slip, background, without_shaft=True)
 
 
-def _sentence(spectrum: _Spectrum, fault: _Fault, faults: Sequence[_Fault]) -> str:
+def _sentence(fault: _Fault, faults: Sequence[_Fault]) -> str:
     """Describe the lines of a fault."""
     name, (*others, last) = fault.series.name, [f"{height:.0f}" for height in fault.heights]
     lines = f"{name} and its harmonics are {', '.join(others)} and" if others else f"{name} is"
-    levels = spectrum.lines.sidebands(spectrum.psd, fault.series, fault.slip)
-    sides = [side for side, level in levels.items() if level >= SETTINGS.sidebands]
-    beside = f", with {' and '.join(sides)} sidebands" if sides else ""
+    beside = f", with {' and '.join(fault.sides)} sidebands" if fault.sides else ""
     kind = "" if fault.series.kind in ("", "given") else f": {fault.series.kind}"
     causes = [other.series.name for other in fault.modulated(faults)]
     cause = f", or the modulation of {' or '.join(causes)}" if causes else ""
