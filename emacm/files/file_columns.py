@@ -214,9 +214,7 @@ def _signal(content: FileColumns, column: str, name: str) -> NDArray[np.floating
 def _time_column(content: FileColumns, layout: Layout) -> str | None:
     if layout.time:
         return content.find(layout.time)
-    if layout.time is False:
-        return None
-    named = [name for name in content.columns if is_time_name(name)]
+    named = [] if layout.time is False else [*filter(is_time_name, content.columns)]
     if len(named) > 1:
         raise ValueError(f"it has several columns of times: {named}. Set time to one of them.")
     return named[0] if named else None

@@ -237,7 +237,14 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> Recording:
         If there is no such file.
     TypeError, ValueError
         If `layout` is not a layout, or the name of the file does not match its `meta`. When samples
-        are read: if the file was changed, is damaged, or is not what the layout states.
+        are read: if the file was changed, is damaged, or is not what the layout states; if it is
+        no file but a device or a pipe, has its samples in other files (HDF5), or states more than
+        200 times its own size (above 256 MiB), so that it would fill the memory.
+
+    Warns
+    -----
+    UserWarning
+        When samples are read: if the last row of a text has no line end; it is left out.
 
     Examples
     --------

@@ -113,9 +113,8 @@ def read_wav(path: Path, content: FileColumns) -> None:
         _check_complete(path, int.from_bytes(header[4:8], "little") + 7)  # without a padding byte
     fs, samples = scipy.io.wavfile.read(path)
     if samples.dtype.kind in "iu":  # full scale is 1
-        bits = 8 * samples.dtype.itemsize
         middle = 128 if samples.dtype == np.uint8 else 0
-        samples = (samples.astype(np.float64) - middle) / 2.0 ** (bits - 1)
+        samples = (samples.astype(np.float64) - middle) / 2.0 ** (8 * samples.dtype.itemsize - 1)
     table = samples.reshape(len(samples), -1)
     content.columns.update((f"x{i}", np.ascontiguousarray(row)) for i, row in enumerate(table.T))
     content.rates.update(dict.fromkeys(content.columns, float(fs)))

@@ -81,8 +81,6 @@ def read_columns(path: Path) -> FileColumns:
         raise RefusedFileError(f"{error}{_other_kind(path)}") from error
     except (ImportError, FileNotFoundError, PermissionError):
         raise
-    except MemoryError as error:
-        raise RefusedFileError("it does not fit into memory. Divide it.") from error
     except Exception as error:
         damaged = " It is damaged, incomplete or of another type. Copy it again, or leave it out."
         raise ValueError(

@@ -180,15 +180,18 @@ def _scored_batch(
     for source, name in zip(sources, names, strict=True):
         rows.append(empty | {"recording": name})
         try:
-            recording = source()
-            if not isinstance(recording, Recording):
-                raise TypeError(f"expected a recording, got {received(recording)}")
-            sizes = [len(series) * series.dtype.itemsize for series in recording.series.values()]
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always", UserWarning)
+                recording = source()
+                if not isinstance(recording, Recording):
+                    raise TypeError(f"expected a recording, got {received(recording)}")
+                series = recording.series.values()  # read now
         except Exception as error:  # any error is the result for this recording
             rows[-1]["error"] = _text_of(error)
             continue
+        rows[-1]["warnings"] = "; ".join(str(item.message) for item in caught)
         opened.append((rows[-1], recording))
-        n_bytes += sum(sizes)
+        n_bytes += sum(len(samples) * samples.dtype.itemsize for samples in series)
         if n_bytes > max_bytes:
             _fill_and_release(model, opened)
             opened, n_bytes = [], 0
@@ -221,7 +224,8 @@ def _fill(model: Any, opened: list[tuple[Row, Recording]]) -> None:
         parts = _by_condition(model, recordings)
         if len(parts) == 1:
             for (row, _), result in zip(opened, _results(model, recordings), strict=True):
-                row |= result
+                stated = filter(None, [row["warnings"], result["warnings"]])
+                row |= result | {"warnings": "; ".join(stated)}
             return
     except Exception as error:
         if len(opened) == 1:
