@@ -62,7 +62,8 @@ def test_a_damaged_bearing_in_a_mat_file_is_named(tmp_path, monkeypatch, capsys)
     monkeypatch.chdir(tmp_path)
     rng, fs, speed = np.random.default_rng(0), 12_000, 1797 / 60
     struck = np.zeros(8 * fs)
-    struck[(np.arange(0, 8, 1 / (5.4152 * speed)) * fs).astype(int)] = 2.0
+    times = np.cumsum((1 + 0.01 * rng.standard_normal(1290)) / (5.4152 * speed))  # slip varies
+    struck[(times * fs).astype(int)] = 2.0
     ringing = np.exp(-np.arange(60) / 10) * np.sin(0.6 * np.pi * np.arange(60))
     signal = np.convolve(struck, ringing)[: 8 * fs] + 0.3 * rng.standard_normal(8 * fs)
     savemat("bearing.mat", {"X105_DE_time": signal[:, np.newaxis], "X105_FE_time": signal[::-1]})
