@@ -90,9 +90,8 @@ def _model(recipe: str, max_order: float, revolutions: float, min_speed: float) 
     """Return the unfitted pipeline of a recipe."""
     if recipe == "actuator":
         return actuator_recipe(max_order=max_order, revolutions=revolutions, min_speed=min_speed)
-    bayes = CostSensitiveGaussianBayes(
-        covariance="tied", shrinkage="auto", unknown="unknown", temperature="groups"
-    )
+    unknown: dict[str, Any] = {"unknown": "unknown", "unknown_rate": 0.02, "temperature": "groups"}
+    bayes = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", **unknown)
     return make_pipeline(*order_levels(max_order, revolutions, min_speed), bayes)
 
 

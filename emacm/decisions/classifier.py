@@ -87,9 +87,9 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         Densities are raised to the power of 1 / temperature before they are multiplied by the
         priors. "groups": the value of least log loss for groups that are left out. None: 1.
     unknown_rate : None or float, default=None
-        Largest share of known recordings that may be decided to be unknown. If given, the prior of
-        the unknown state follows from it and from the groups that are left out (their mean and its
-        standard error), unless `priors` state that prior. Needs `unknown`.
+        Largest share of known recordings whose decision may change because of the unknown state. If
+        given, the prior of that state follows from it and from the groups that are left out (their
+        mean and its standard error), unless `priors` state that prior. Needs `unknown`.
 
     Attributes
     ----------

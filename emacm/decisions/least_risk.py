@@ -67,8 +67,8 @@ class LeastRiskClassifier(
         Outlier detector or pipeline with `score_samples`, such as `IsolationForest`: the larger the
         score, the more like the training. It is fitted to X without classes.
     unknown_rate : None or float, default=None
-        Share of known recordings that may be decided to be unknown, as for
-        `CostSensitiveGaussianBayes`.
+        Largest share of known recordings whose decision may change because of the unknown state,
+        as for `CostSensitiveGaussianBayes`.
 
     Attributes
     ----------

@@ -236,9 +236,10 @@ class LeftOutMixin:
     def unknown_prior_(self) -> float:
         """Prior probability in effect of the unknown state; 0 if there is none.
 
-        That of `priors`, or else the largest with which at most `unknown_rate` of the known
-        recordings, each judged without its group, are decided to be unknown: the mean over the
-        groups and its standard error, because few groups leave the rate uncertain.
+        That of `priors`, or else the largest with which the decisions on at most `unknown_rate` of
+        the known recordings, each judged without its group, change because of the unknown state
+        (to the unknown state itself, or to an inspection): the mean over the groups and its
+        standard error, because few groups leave the rate uncertain.
         """
         found, left = self._truth_priors()[1], self._calibration.left_out
         if left is None or self.unknown_rate is None:
@@ -252,15 +253,16 @@ class LeftOutMixin:
         units = np.unique(left.units[judged], return_inverse=True)[1]
         n_units = int(units.max()) + 1
         model: Any = self  # its decisions and costs come from another base class
-        number, cost = model.decisions_.tolist().index(self.unknown), model.cost_
+        cost = model.cost_
+        without = (posterior @ cost[:, :-1].T).argmin(axis=1)
 
         def rate(log_odds: float) -> float:
-            """Return the share of known recordings decided to be unknown, and its uncertainty."""
+            """Return the share of changed decisions, and its standard error, added."""
             probability = unknown_probability(left.typicality[judged], 1 / (1 + np.exp(-log_odds)))
             known = (1 - probability)[:, np.newaxis] * posterior
             risks = np.column_stack([known, probability]) @ cost.T
-            decided = weight * (risks.argmin(axis=1) == number)
-            shares = np.bincount(units, decided) / np.bincount(units, weight)
+            changed = weight * (risks.argmin(axis=1) != without)
+            shares = np.bincount(units, changed) / np.bincount(units, weight)
             error = shares.std(ddof=1) / np.sqrt(n_units) if n_units > 1 else 0.0
             return float(shares.mean() + error)
 

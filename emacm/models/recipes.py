@@ -124,6 +124,7 @@ def actuator_recipe(
     cost: Any = None,
     priors: Any = None,
     unknown: Any = "unknown",
+    unknown_rate: float | None = 0.02,
     temperature: Any = "groups",
     revolutions: float = 4,
     max_order: float = 2.5,
@@ -157,12 +158,13 @@ def actuator_recipe(
         separate classifier for each condition, put the recipe into a `ConditionRouter`.
     cost, priors
         As for `CostSensitiveGaussianBayes`; for decisions on families, a table of `family_costs`.
-    unknown, temperature
-        As for `CostSensitiveGaussianBayes`: the label of the unknown state, and the calibration of
-        the posterior. Both are estimated by leaving out groups of recordings that were
+    unknown, unknown_rate, temperature
+        As for `CostSensitiveGaussianBayes`: the label of the unknown state, the share of known
+        recordings whose decision it may change (ignored without it), and the calibration of
+        the posterior. They are estimated by leaving out groups of recordings that were
         measured together: ``fit(X, y, costsensitivegaussianbayes__groups=runs)``. `evaluate`
         passes them; without groups, single recordings are left out, with a warning that
-        near-duplicates make the model over-confident. None, for both, is the method of the thesis.
+        near-duplicates make the model over-confident. None, for all, is the method of the thesis.
         These groups do not reach the limits of new spectral lines; with scikit-learn's metadata
         routing they do, see `BinTransformer.fit`.
         With fewer than six groups of each class, a new spectral line, and with two also a channel
@@ -246,6 +248,7 @@ def actuator_recipe(
         covariance="tied",
         shrinkage="auto",
         unknown=unknown,
+        unknown_rate=None if unknown is None else unknown_rate,
         temperature=temperature,
     )
     return make_pipeline(features, StandardScaler(), gaussians)

@@ -90,9 +90,9 @@ def test_without_phase_machines_that_are_put_together_anew_are_recognised():
     y = [x.meta["state"] for x in X]
     new = [actuator(s, 20, 100 + seed, wave=found[s]) for seed in range(4) for s in STATES]
     truth = [x.meta["state"] for x in new]
-    assert fitted(X, y).predict(new).tolist() == truth
+    assert fitted(X, y, unknown_rate=None).predict(new).tolist() == truth
     # With phase each is taken for the one whose wave stood there in training.
-    mistaken = fitted(X, y, phase=True).predict(new).tolist()
+    mistaken = fitted(X, y, phase=True, unknown_rate=None).predict(new).tolist()
     assert not any(a == b for a, b in zip(mistaken, truth, strict=True))
 
 
