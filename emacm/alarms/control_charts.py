@@ -272,7 +272,7 @@ class EWMA(_Chart):
     limit_ : float
         The limit.
     run_length_ : RunLength
-        Readings per false alarm, nominal and for the baseline actually used.
+        Readings per false alarm, nominal and for the baseline actually used, with an interval.
     statistic_ : ndarray of shape (n_columns,)
         The present statistic.
     n_updates_ : int
@@ -332,7 +332,7 @@ class CUSUM(_Chart):
     limit_ : float
         The limit.
     run_length_ : RunLength
-        Readings per false alarm, nominal and for the baseline actually used.
+        Readings per false alarm, nominal and for the baseline actually used, with an interval.
     statistic_ : ndarray of shape (n_columns,)
         The present sum.
     n_updates_ : int
