@@ -359,10 +359,11 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
     -------
     list of list of str
         For each recording, one sentence for each property outside its range; empty if there is
-        none. Levels are stated from 3 dB beyond the range, speeds, lengths and valid orders from
-        10 %, sampling rates from 0.1 %, a direction of rotation that the training does not have
-        from 10 % of the revolutions; if nothing else is stated, new spectral lines from
-        `BinTransformer.new_line_limits_`.
+        none. Load, speed, torque, temperature and pressure in `meta` are stated if they differ by
+        more than 10 % from each value of the training; levels from 3 dB beyond the range, speeds,
+        lengths and valid orders from 10 %, sampling rates from 0.1 %, a direction of rotation that
+        the training does not have from 10 % of the revolutions; if nothing else is stated, new
+        spectral lines from `BinTransformer.new_line_limits_`.
 
     Raises
     ------

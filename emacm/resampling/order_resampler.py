@@ -38,7 +38,9 @@ from emacm.resampling.angle_recording import (
 from emacm.resampling.quality import recording_quality
 from emacm.resampling.training_range import (
     Statement,
+    other_conditions,
     outside_range,
+    training_conditions,
     training_range,
     training_units,
 )
@@ -135,6 +137,8 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         channel in the recordings of `fit`; see `emacm.outside_training`.
     training_units_ : dict of str to tuple of str
         Units of each channel in them, where they are stated.
+    training_conditions_ : dict of str to tuple of float
+        Values of load, speed, torque, temperature and pressure, of those that all `meta` have.
     training_findings_ : tuple of str
         Kinds of warnings of `quality` that occur among them.
 
@@ -213,6 +217,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         qualities = run(recording_quality, rows, n_jobs=self.n_jobs)
         self.training_range_ = training_range(qualities)
         self.training_units_ = training_units(qualities)
+        self.training_conditions_ = training_conditions(row.measured.meta for row in rows)
         kinds = {finding.kind for quality in qualities for finding in quality.findings}
         self.training_findings_ = tuple(sorted(kinds))
         return self
@@ -292,9 +297,15 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             For each recording, see `emacm.resampling.training_range.outside_range`.
         """
         check_is_fitted(self)
-        qualities = run(recording_quality, self._rows(X, self.channels_), n_jobs=self.n_jobs)
-        units = getattr(self, "training_units_", {})  # which older model files do not have
-        return [outside_range(quality, self.training_range_, units) for quality in qualities]
+        rows = self._rows(X, self.channels_)
+        qualities = run(recording_quality, rows, n_jobs=self.n_jobs)
+        return [
+            [
+                *other_conditions(row.measured.meta, self.training_conditions_),
+                *outside_range(quality, self.training_range_, self.training_units_),
+            ]
+            for row, quality in zip(rows, qualities, strict=True)
+        ]
 
     def over_angle(self, recording: Recording, channels: Sequence[str]) -> AngleRecording:
         """Return channels of one recording over the shaft angle, without any check of it."""

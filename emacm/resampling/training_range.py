@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,8 @@ class RangeLimits:
         Fractions of the revolutions in another direction: what is stated, and what is noise.
     rate : float
         Relative difference of sampling rates, more than that of two clocks.
+    conditions : tuple of str
+        Keys of `meta` that are operating conditions, unlike numbers of units and of runs.
     listed : int
         Recordings that a warning lists.
     speed_units : tuple of (str, float)
@@ -46,6 +49,7 @@ class RangeLimits:
     other_way: float = 0.1
     aside: float = 0.01
     rate: float = 1e-3
+    conditions: tuple[str, ...] = ("load", "speed", "torque", "temperature", "pressure")
     listed: int = 5
     speed_units: tuple[tuple[str, float], ...] = (
         ("rpm", 60 / (2 * np.pi)),
@@ -85,6 +89,41 @@ def training_units(qualities: Sequence[Quality]) -> dict[str, tuple[str, ...]]:
     """Return the units of each channel in training recordings, where they are stated."""
     stated = dict.fromkeys(pair for quality in qualities for pair in quality.units.items())
     return {name: tuple(u for other, u in stated if other == name) for name, _ in stated}
+
+
+def training_conditions(metas: Iterable[Mapping[Any, Any]]) -> dict[str, tuple[float, ...]]:
+    """Return the values of each operating condition that is a number in all `meta`, sorted.
+
+    Examples
+    --------
+    >>> training_conditions([{"load": 40, "run": 1}, {"load": 20, "run": 2}])
+    {'load': (20.0, 40.0)}
+    """
+    listed = list(metas)
+    return {
+        name: tuple(sorted({float(meta[name]) for meta in listed}))
+        for name in LIMITS.conditions
+        if all(isinstance(meta.get(name), Real) for meta in listed)
+    }
+
+
+def other_conditions(
+    meta: Mapping[Any, Any], known: Mapping[str, Sequence[float]]
+) -> Iterator[Statement]:
+    """State the conditions that differ by more than 10 % from each of those in the training.
+
+    Examples
+    --------
+    >>> [each.text for each in other_conditions({"load": 30}, {"load": (20.0, 40.0)})]
+    ['load 30, in the training 20, 40']
+    """
+    for name, values in known.items():
+        value = meta.get(name)
+        near = LIMITS.factor - 1
+        if isinstance(value, Real) and not np.isclose(float(value), values, near).any():
+            listed = ", ".join(f"{v:.4g}" for v in values[: LIMITS.listed])
+            more = f" to {values[-1]:.4g}" if len(values) > LIMITS.listed else ""
+            yield Statement(f"{name} {value:.4g}, in the training {listed}{more}", False)
 
 
 def outside_range(

@@ -71,6 +71,11 @@ def test_nothing_is_stated_of_recordings_like_those_of_the_training():
     assert outside_training(model, [*X, run(100), run(101, worn=True)]) == [[]] * 10
 
 
+@pytest.mark.parametrize(("load", "texts"), [(21, []), (40, ["load 40, in the training 20"])])
+def test_a_load_that_was_not_in_the_training_is_stated(load, texts):
+    assert outside_training(fitted()[0], [run(11, load=load)]) == [texts]
+
+
 @pytest.mark.parametrize(
     ("factor", "unit"), [(30 / np.pi, "rpm"), (0.5 / np.pi, "revolutions per second")]
 )
