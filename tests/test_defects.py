@@ -401,5 +401,5 @@ def test_a_state_on_a_full_disk_is_named_and_one_that_is_used_or_is_none_is_refu
     assert (status, "used by another process" in err) == (2, True)
     state.write_text("time,vib")
     status, _, err = monitored(None, "--state", str(state))
-    assert (status, "no state of this command" in err, "pickle" in err) == (2, True, False)
+    assert (status, "no state of OrderMonitor" in err, "pickle" in err) == (2, True, False)
     assert state.read_text() == "time,vib"

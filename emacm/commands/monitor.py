@@ -27,9 +27,7 @@ from emacm.streams.packed_state import packed, unpacked
 from emacm.streams.streamed_models import Reading
 
 FAILED = 3  # exit status: rows were skipped
-_DECIDED = ("decision", "expected_cost", "typicality", "posterior")
-_REMEDY = "Remove it or give another one to read the file from its beginning."
-_PRINTED = (*_DECIDED, "alarms", "outside_training", "complete")
+_PRINTED = ("decision", "expected_cost", "typicality", "alarms", "outside_training", "complete")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -57,15 +55,12 @@ def run(options: argparse.Namespace) -> int:
 class _GrowingFile:
     """A file that grows, and that may be emptied, or replaced by another one of its name.
 
-    That the bytes before the place of reading (`n_compared` of them) are still the same is checked
-    whenever something is read.
+    That the bytes before the place of reading are still the same is checked whenever something is
+    read.
     """
 
-    def __init__(
-        self, path: str, idle: float, *, poll: float = 0.1, n_compared: int = 4096
-    ) -> None:
-        self._path, self._idle = path, idle
-        self._poll, self._n_compared = min(poll, idle), n_compared
+    def __init__(self, path: str, idle: float, *, poll: float = 0.1) -> None:
+        self._path, self._idle, self._poll = path, idle, min(poll, idle)
         self._open()
 
     def close(self) -> None:
@@ -117,7 +112,7 @@ class _GrowingFile:
             return False
         return named.st_size > 0 and not os.path.samestat(named, os.fstat(self._file.fileno()))
 
-    def _read(self, n_bytes: int = 1 << 16) -> bytes | None:
+    def _read(self, n_bytes: int = 1 << 16, n_compared: int = 4096) -> bytes | None:
         """Return the next bytes, b"" if there are none yet; None if the content is another one."""
         n_before = len(self._before)
         self._file.seek(self._place - n_before)
@@ -126,7 +121,7 @@ class _GrowingFile:
             self._place, self._before = 0, b""
             return None
         self._place += len(content) - n_before
-        self._before = content[-self._n_compared :]
+        self._before = content[-n_compared:]
         return content[n_before:]
 
 
@@ -134,7 +129,7 @@ class _Stream:
     """The rows of a stream, and the monitor that they are given to.
 
     Rows of `block` seconds are processed together; header and separator are found in the first
-    `n_head` lines. So many bytes (`n_compared`) tell whether a state belongs to a file.
+    `n_head` lines.
     """
 
     def __init__(
@@ -145,17 +140,21 @@ class _Stream:
         file: _GrowingFile | None,
         *,
         n_head: int = 20,
-        n_compared: int = 4096,
         block: float = 0.1,
     ) -> None:
         self._layout, self._options = layout, options
-        self._n_head, self._n_compared, self._n_failed = n_head, n_compared, 0
+        self._n_head, self._n_failed = n_head, 0
         self._offset, self._before = 0, b""  # place in the file up to which rows were processed
         self._last = b""  # row before, so that gaps between blocks are noticed
         self._resumed: float | None = None  # time at which the stream goes on after an error [s]
         self._ahead = 0.0  # of the clock of the rows, before that of the monitor [s]
-        self._contents = file.contents() if file else iter([_complete_lines()])
-        state = self._saved_state()
+        if file:
+            self._contents = file.contents()
+        else:  # the last line may be incomplete
+            self._contents = iter([filter(lambda line: line.endswith(b"\n"), sys.stdin.buffer)])
+        where = f"--state {options.state}, without which the file is read from its beginning"
+        with located(where):
+            state = self._saved_state()
         self._head = state["head"].tobytes().splitlines(keepends=True) if state else self._peek()
         with located(options.source if file else "the standard input"):
             self._table = text_table(_texts(self._head))
@@ -176,20 +175,17 @@ class _Stream:
         )
         self._at_once = max(2, round(block * self._fs))
         if state and file:
-            self._restore(state, file)
+            with located(where):
+                self._restore(state, file)
 
     def follow(self) -> int:
         """Process all lines, and return the exit status."""
         for number, lines in enumerate(self._contents):
             if number > 0:
                 self._begin_new_content()
-            rows = self._rows_below_header(lines) if self._offset == 0 else []
-            for row in lines:
-                rows.append(row)
-                if len(rows) >= self._at_once:
-                    self._process(rows)
-                    rows = []
-            self._process(rows)
+            rows = chain(self._rows_below_header(lines) if self._offset == 0 else [], lines)
+            while block := list(islice(rows, self._at_once)):
+                self._process(block)
         self._save()
         is_whole = self._options.every is None and not self._n_failed and not self._options.state
         self._print(self._monitor.flush(complete=is_whole))
@@ -217,11 +213,11 @@ class _Stream:
         self._pass(head[: table.start])
         return head[table.start :]
 
-    def _pass(self, lines: list[bytes]) -> None:
+    def _pass(self, lines: list[bytes], n_compared: int = 4096) -> None:
         """Note that lines are processed."""
         text = b"".join(lines)
         self._offset += len(text)
-        self._before = (self._before + text)[-self._n_compared :]
+        self._before = (self._before + text)[-n_compared:]
 
     def _arguments(self, rows: Iterable[bytes], n_before: int = 0) -> tuple[dict[str, Any], Any]:
         """Return the arguments of a recording, and the time of its row `n_before`, or None."""
@@ -286,31 +282,23 @@ class _Stream:
             line = times | {name: getattr(reading, name) for name in _PRINTED}
             _write(line | {"posterior": {str(k): p for k, p in reading.posterior.items()}})
 
-    def _saved_state(self) -> dict[str, Any] | None:
-        """Return what `_save` wrote, if there is something."""
+    def _saved_state(self) -> dict[str, Any]:
+        """Return what `_save` wrote; empty if there is nothing."""
         file = self._options.state
         if file is None or not file.exists():
-            return None
-        try:
-            state = unpacked(file.read_bytes())
-        except ValueError:
-            state = {}
+            return {}
+        state = unpacked(file.read_bytes())
         if "before" not in state:
-            raise ValueError(
-                f"--state {file}: it is no state of this command, or not a complete one. {_REMEDY}"
-            )
+            raise ValueError("it is no state of this command.")
         return state
 
     def _restore(self, state: dict[str, Any], file: _GrowingFile) -> None:
         """Restore a state, and go on in the file where it was written."""
         self._offset, self._before = state["offset"], state["before"].tobytes()
         goes_on = file.go_to(self._offset, self._before)
-        try:
-            if not goes_on and state["source"] != os.path.abspath(self._options.source):
-                raise ValueError(f"it was written for another file, {state['source']}.")
-            self._monitor.restore(state["monitor"].tobytes())
-        except ValueError as error:
-            raise ValueError(f"--state {self._options.state}: {error} {_REMEDY}") from error
+        if not goes_on and state["source"] != os.path.abspath(self._options.source):
+            raise ValueError(f"it was written for another file, {state['source']}.")
+        self._monitor.restore(state["monitor"].tobytes())
         self._last = state["last"].tobytes()
         self._resumed, self._ahead = state["resumed"], state["ahead"]
 
@@ -333,11 +321,6 @@ class _Stream:
         state["source"] = os.path.abspath(self._options.source)
         with written_whole(self._options.state) as unfinished:
             unfinished.write_bytes(packed(state))
-
-
-def _complete_lines() -> Iterator[bytes]:
-    """Yield the lines of the standard input that have an end."""
-    return (line for line in sys.stdin.buffer if line.endswith(b"\n"))
 
 
 def _texts(lines: list[bytes]) -> list[str]:

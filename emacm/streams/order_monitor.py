@@ -73,7 +73,7 @@ class StreamInput(Resumable):
 
     def collect(self, signals: Any, shaft: Any) -> bool:
         """Keep a copy of a short block of arrays of equal lengths; tell whether it was kept."""
-        if type(shaft) is not np.ndarray or shaft.size >= self._n_short:
+        if type(shaft) is not np.ndarray or shaft.size + self.n_collected >= self._n_short:
             return False
         if isinstance(signals, Mapping):
             rows = [signals.get(name) for name in self._channels]
@@ -89,11 +89,6 @@ class StreamInput(Resumable):
         self._collected.append(block)
         self.n_collected += shaft.size
         return True
-
-    @property
-    def is_due(self) -> bool:
-        """Whether enough samples are collected."""
-        return self.n_collected >= self._n_short
 
     def collected(self) -> Samples:
         """Return what was collected, the shaft as the last row, and begin to collect again."""
@@ -342,10 +337,7 @@ class OrderMonitor:
         self._check_reference(reference, velocity, angle)
         shaft = velocity if angle is None else angle
         if time is None and self._reference and self._input.collect(signals, shaft):
-            if not self._input.is_due:
-                return []
-            self._take_collected()
-            return self._advance()
+            return []
         self._take_collected()
         origin = self._checked_time(time)
         self._take(signals, shaft, reference, origin)

@@ -93,6 +93,5 @@ def unpacked(content: bytes) -> dict[str, Any]:
             return json.loads(file["text"].item(), object_hook=restored)
     except Exception as error:  # zip, zlib and NumPy raise many kinds
         raise ValueError(
-            "state must be the bytes that OrderMonitor.state returned, and these cannot be read. "
-            "Was the file written completely?"
+            "it is no state of OrderMonitor, or was not written completely."
         ) from error

@@ -527,7 +527,7 @@ def test_what_is_no_state_of_this_monitor_is_refused(fitted):
     monitor = monitor_of(model, recording)
     monitor.push(block(), velocity=np.full(100, 20.0))
     state = monitor.state()
-    with pytest.raises(ValueError, match=r"must be the bytes that OrderMonitor.state returned"):
+    with pytest.raises(ValueError, match="no state of OrderMonitor"):
         monitor.restore(state[:-40])
     with pytest.raises(ValueError, match="belongs to a monitor of other settings"):
         monitor_of(model, recording, every=3).restore(state)
