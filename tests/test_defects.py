@@ -1,16 +1,21 @@
 """Defects that were found in use, one test for each, so that they do not come back."""
 
+import itertools
 import json
 import os
 import pickle
 import re
+import shutil
 import struct
 import sys
 import zipfile
 from contextlib import contextmanager, nullcontext
 from functools import partial
+from html import unescape
 from io import BytesIO
+from pathlib import Path
 from time import sleep
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
@@ -36,8 +41,8 @@ from emacm import (
 )
 from emacm.__main__ import main
 from emacm._saved import locked
-from emacm.commands import monitor
-from emacm.reports.inputs import read_actions, read_parts
+from emacm.commands import monitor, score
+from emacm.reports.inputs import read_actions, read_parts, read_results
 
 # Estimators
 
@@ -73,11 +78,11 @@ def test_a_model_file_does_not_state_where_spectra_are_stored(tmp_path):
 
 
 @contextmanager
-def full_disk():
-    """No file can grow beyond 50 bytes, also not one that pytest writes to."""
+def full_disk(n_bytes=50):
+    """No file can grow beyond so many bytes, also not one that pytest writes to."""
     resource = pytest.importorskip("resource", reason="not on Windows")
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (50, limits[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, limits[1]))
     try:
         yield
     finally:
@@ -269,6 +274,117 @@ def test_names_of_files_that_are_not_utf_8_are_read_and_printed(tmp_path):
 
 
 # Scores and pages
+
+ODD_NAMES = ["=1+1.csv", "@a.csv", "+b.csv", "-2.csv", "'=c.csv", "a\u2028\u2029\x85b.csv"]
+ODD_NAMES += [os.fsdecode(b"pr\xfcf.csv"), "run 1.csv", "run_1.csv", "RUN_1.csv", "index.csv"]
+ODD_NAMES += ["javascript:alert(1).csv", "a#b?c%20d&amp;.csv"]
+
+
+@pytest.fixture
+def scored(plant, tmp_path, monkeypatch, capsys):
+    """Score files of the present folder: exit status, messages, files decided on at once."""
+    (tmp_path / "new").mkdir()
+    monkeypatch.chdir(tmp_path / "new")
+    batches, original = [], score.scored_rows
+
+    def spy(model, sources, names, n_jobs):
+        batches.append(names)
+        return original(model, sources, names, n_jobs)
+
+    def run(*arguments):
+        batches.clear()
+        model, layout = str(plant / "model.emacm"), str(plant / "layout.toml")
+        status = main(["score", model, *map(str, arguments), "--layout", layout])
+        return status, capsys.readouterr().err, [names for names in batches if names]
+
+    monkeypatch.setattr(score, "scored_rows", spy)
+    return run
+
+
+def measure(*names, seed=0):
+    for name in names:
+        Path(name).write_text("time,vib,speed\n" + "".join(measured(0, 1000, seed)))
+
+
+def test_two_scores_do_not_write_to_one_table(scored, tmp_path):
+    pytest.importorskip("fcntl", reason="not on Windows")
+    measure("a.csv")
+    with locked(tmp_path / "rows.csv"):
+        status, err, _ = scored(".", "--out", "../rows.csv")
+    assert (status, "used by another process" in err) == (2, True)
+    assert not (tmp_path / "rows.csv").exists()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="such names are not possible")
+@pytest.mark.parametrize("table", [Path("../rows.csv"), Path("../rows.jsonl")])
+def test_files_of_any_name_have_rows_and_pages_of_their_own(scored, table):
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
+    names = sorted(name.replace("\udcfc", r"\xfc") for name in ODD_NAMES)
+    pages = Path("../pages")
+    for new in (["run_1.csv"], ODD_NAMES, ["run 1.csv"]):
+        measure(*new, seed=len(new))
+        status, _, decided = scored(".", "--out", table, "--report", pages)
+        assert status == 0
+    assert decided == [["run 1.csv"]]
+    assert sorted(read_results(table)["recording"]) == names
+    if table.suffix == ".csv":
+        cells = {line.partition(",")[0] for line in table.read_text().split("\n")}
+        assert {"'=1+1.csv", "'@a.csv", "'+b.csv", "'-2.csv", "''=c.csv"} <= cells
+    links = re.findall(r'<a href="\./([^"]*)">([^<]*)</a>', (pages / "index.html").read_text())
+    assert sorted(unescape(name) for _, name in links) == names
+    assert not any(":" in link for link, _ in links)
+    for link, name in links:
+        assert f"<h1>{name}</h1>" in (pages / unquote(link)).read_text()
+
+
+def test_only_a_table_of_results_is_replaced_and_it_is_not_scored(scored, plant):
+    measure("a.csv", "b.csv")
+    shutil.copy(plant / "model.emacm", "model.csv")
+    Path("c.jsonl").write_text('{"recording": 1}\n2\n')
+    for out in map(Path, ("a.csv", "model.csv", "c.jsonl")):
+        content = out.read_bytes()
+        status, err, _ = scored("a.csv", "--out", out, "--again")
+        assert (status, "is no table of these results" in err) == (2, True)
+        assert out.read_bytes() == content
+    Path("model.csv").unlink()
+    for _ in range(2):
+        assert scored(".", "--out", "rows.csv", "--again")[2] == [["a.csv"], ["b.csv"]]
+
+
+def test_rows_of_slow_files_are_written_one_by_one(scored, monkeypatch):
+    measure("a.csv", "b.csv", "c.csv")
+    monkeypatch.setattr(score.time, "monotonic", itertools.count(step=2.0).__next__)
+    assert scored(".")[2] == [["a.csv"], ["b.csv"], ["c.csv"]]
+
+
+def test_quick_files_are_decided_on_together(scored):
+    measure(*map("{}.csv".format, range(10, 17)))
+    assert max(map(len, scored(".")[2])) > 1
+
+
+def test_a_full_disk_is_named_with_the_table_or_the_page_and_nothing_is_left(scored, tmp_path):
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
+    measure("a.csv", "b.csv")
+    for n_bytes, rows in ((50, None), (120, 0), (250, 1)):
+        with full_disk(n_bytes):
+            status, err, _ = scored(".", "--out", "../rows.csv", "--jobs", "1")
+        assert (status, "rows.csv" in err) == (2, True)
+        assert rows is None or len(read_results(tmp_path / "rows.csv")) == rows
+    with full_disk():
+        status, err, _ = scored(".", "--report", "../pages")
+    assert (status, "index.html" in err) == (2, True)
+    left = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")}
+    assert left == {"new", "new/a.csv", "new/b.csv", "pages", "rows.csv"}
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="not on Windows")
+def test_a_pipe_and_a_device_have_a_row_with_an_error(scored, capsys):
+    os.mkfifo("pipe.csv")
+    Path("zero.csv").symlink_to("/dev/zero")
+    status, _, _ = scored("pipe.csv", "zero.csv", "--out", "rows.jsonl")
+    errors = read_results(Path("rows.jsonl"))["error"]
+    assert (status, errors.str.contains("not a file").tolist()) == (3, [True, True])
+
 
 # Monitors
 

@@ -14,6 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm._checks import located
+from emacm._saved import written_whole
 from emacm.files.file_columns import FileColumns, rates_of_columns, stated_rates
 from emacm.files.layout import Layout
 from emacm.files.readers import read_columns
@@ -89,7 +90,8 @@ def run(options: argparse.Namespace) -> int:
     if options.draft is not None:
         if options.draft.exists():
             raise ValueError(f"{str(options.draft)!r} exists. Choose another name for --draft.")
-        options.draft.write_text(draft_layout(contents, options.file), encoding="utf-8")
+        with written_whole(options.draft) as unfinished:
+            unfinished.write_text(draft_layout(contents, options.file), encoding="utf-8")
         print(f"Draft of the layout: {options.draft}")
     if options.plot is not None:
         plot(contents, options.plot)
@@ -276,4 +278,5 @@ def plot(contents: Contents, path: Path, most_panels: int = 12) -> None:
         panel.set_xlim(0, max(len(values) - 1, 1) / rate)
         _drawing.label_y(panel, name, contents.columns.units.get(name, "unit"))
     _drawing.label_x(axes, "time [s]" if timed else "sample")
-    axes[0].figure.savefig(path, dpi=150)
+    with written_whole(path) as unfinished:
+        axes[0].figure.savefig(unfinished, dpi=150, format=path.suffix[1:] or "png")

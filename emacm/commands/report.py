@@ -7,11 +7,13 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from emacm.commands.parsers import expanded
 from emacm.files.folder import open_recording
 from emacm.files.layout import Layout
+from emacm.recordings.names import printable
 from emacm.reports import inputs
 from emacm.reports.maintenance import Reports, add_since, read_settings
 from emacm.reports.pages import Page
@@ -30,7 +32,7 @@ def run(options: argparse.Namespace) -> int:
     reports = FileReports(options, layout, options.out)
     history = None if options.history is None else inputs.read_results(options.history)
     last, failed = reports.write(paths, history)
-    print(f"{len(paths)} reports: {last}")
+    print(f"{len(paths)} reports: {printable(last)}")
     return 3 if failed else 0
 
 
@@ -58,26 +60,32 @@ class FileReports:
         pages = self._pages(paths, history)
         return self._reports.write(pages)[-1], any(page.kind == "error" for page in pages)
 
-    def update(self, rows: pd.DataFrame, is_new: Sequence[bool]) -> None:
+    def update(self, rows: pd.DataFrame, paths: Sequence[Path], is_new: Sequence[bool]) -> None:
         """Write the pages of new results, and an index of all.
 
         Parameters
         ----------
         rows : DataFrame
             All results of files.
+        paths : sequence of Path
+            The files, whose names may not be printable.
         is_new : sequence of bool
             Which of them are new; those without a page are taken as well.
         """
-        names = rows["recording"].astype(str).tolist()
-        wanted = [new or no for new, no in zip(is_new, self._reports.missing(names), strict=True)]
-        paths = [Path(name) for name, chosen in zip(names, wanted, strict=True) if chosen]
-        kept = rows.loc[[not chosen for chosen in wanted]]
+        missing = self._reports.missing(rows["recording"].tolist(), rows["digest"].tolist())
+        wanted = np.array(is_new) | missing
+        new, kept = rows[wanted], rows[~wanted]
         before = [
-            Page(str(name), str(decision), "other")
+            Page(name, str(decision), "other")
             for name, decision in zip(kept["recording"], kept["decision"], strict=True)
         ]
-        if paths:
-            self._reports.write(self._pages(paths, kept if self._unit else None), before)
+        if len(new):
+            files = pd.Series(paths, rows.index, dtype=object)
+            history = kept.assign(recording=files[~wanted]) if self._unit else None
+            pages = self._pages(files[wanted].tolist(), history)
+            for page, digest in zip(pages, new["digest"], strict=True):
+                page.digest = digest
+            self._reports.write(pages, before)
 
     def _pages(self, paths: Sequence[Path], history: pd.DataFrame | None) -> list[Page]:
         layout, unit = self._layout, self._unit
@@ -87,7 +95,7 @@ class FileReports:
             units, times = inputs.units_and_times(paths, layout, unit, self._time)
         if history is not None:
             history = inputs.with_units_and_times(history, layout, unit, self._time)
-        names = [str(path) for path in paths]
+        names = [printable(path) for path in paths]
         pages = self._reports.pages(sources, names)
         add_since(pages, history, units, times, self._time or "")
         return pages

@@ -9,7 +9,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import nullcontext
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -17,7 +17,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from joblib import effective_n_jobs
 
+from emacm._saved import locked, written_whole
 from emacm.commands.parsers import expanded
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import final_estimator
@@ -26,7 +28,9 @@ from emacm.files.layout import Layout
 from emacm.models.model_files import load_model
 from emacm.models.scoring import check_model, score_columns, scored_rows
 from emacm.recordings.digests import digest_of_file
+from emacm.recordings.names import printable
 from emacm.reports.facts import decisions_of
+from emacm.reports.inputs import as_cell, of_cell
 
 Row = dict[str, Any]
 
@@ -49,57 +53,80 @@ class ResultTable:
     Raises
     ------
     ValueError
-        If the name of the file has another suffix, or an existing file has other columns.
+        If the name of the file has another suffix.
     """
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
         if path.suffix not in SUFFIXES:
             raise ValueError(f"{str(path)!r} must end with one of {', '.join(SUFFIXES)}.")
-        self.path, self.columns = path, list(columns)
+        self.path, self.columns = path.resolve(), list(columns)
         self._parquet = path.suffix == ".parquet"
-        self._written = path.with_name(path.name + ".jsonl") if self._parquet else path
+        self._written = Path(f"{self.path}.jsonl") if self._parquet else self.path
         self._as_json = self._written.suffix == ".jsonl"
 
     def read(self) -> list[Row]:
-        """Return the rows that were written before; an incomplete last row is left out."""
-        if self._parquet and not self._written.is_file() and self.path.is_file():
-            return _rows_of(pd.read_parquet(self.path), self.columns, self.path)
-        text = self._written.read_text(encoding="utf-8") if self._written.is_file() else ""
-        complete = text[: text.rfind("\n") + 1]
-        if not complete:
+        """Return the rows that were written before; an incomplete last row is left out.
+
+        Raises
+        ------
+        ValueError
+            If the file is none, or not a table of such results.
+        """
+        path = self._written if self._written.exists() else self.path
+        if not path.exists():
             return []
-        if self._as_json:
-            frame = pd.DataFrame([json.loads(line) for line in complete.splitlines()])
-        else:
-            frame = pd.read_csv(io.StringIO(complete), dtype=str, keep_default_na=False)
-        return _rows_of(frame, self.columns, self.path)
+        try:
+            if not path.is_file():
+                raise ValueError("it is a folder or a device")
+            if not path.stat().st_size:
+                return []
+            return _rows_of(self._frame(path), self.columns)
+        except (ValueError, TypeError, AttributeError) as error:
+            raise ValueError(
+                f"{path} is no table of these results: {error}. Choose another file for --out, or "
+                f"delete it."
+            ) from error
+
+    def _frame(self, path: Path) -> pd.DataFrame:
+        if path.suffix == ".parquet":
+            return pd.read_parquet(path)
+        text = path.read_bytes().decode("utf-8")  # line ends within names are kept
+        complete = text[: text.rfind("\n") + 1]
+        if not self._as_json:
+            return pd.read_csv(io.StringIO(complete), dtype=str, keep_default_na=False).map(of_cell)
+        if not text.startswith('{"recording"'):
+            raise ValueError("it has no lines of JSON with the key 'recording'")
+        lines = complete.split("\n")[:-1]
+        return pd.DataFrame(map(json.loads, lines), columns=None if lines else self.columns)
 
     def write(self, rows: Sequence[Row]) -> None:
         """Write these rows in place of all others."""
-        text = lines_of(rows, self.columns, as_json=self._as_json, heading=True)
-        with _in_place_of(self._written) as unfinished:
-            unfinished.write_text(text, encoding="utf-8", newline="")
+        content = self._content(rows, heading=True)
+        with written_whole(self._written) as unfinished:
+            unfinished.write_bytes(content)
 
     def append(self, row: Row) -> None:
-        """Write one row to the disk."""
-        with open(self._written, "a", encoding="utf-8", newline="") as file:
-            file.write(lines_of([row], self.columns, as_json=self._as_json))
+        """Write one row to the disk; all of it, or nothing with an error."""
+        size = self._written.stat().st_size
+        try:
+            with open(self._written, "ab") as file:
+                file.write(self._content([row]))
+        except OSError as error:
+            os.truncate(self._written, size)
+            error.filename = str(self._written)
+            raise
+
+    def _content(self, rows: Sequence[Row], *, heading: bool = False) -> bytes:
+        text = lines_of(rows, self.columns, as_json=self._as_json, heading=heading)
+        return text.encode("utf-8", "backslashreplace")
 
     def finish(self, rows: Sequence[Row]) -> None:
         """Write these rows in place of all others, in the type of the file."""
         self.write(rows)
         if self._parquet:
-            with _in_place_of(self.path) as unfinished:
+            with written_whole(self.path) as unfinished:
                 pd.DataFrame(rows, columns=self.columns).to_parquet(unfinished, index=False)
             self._written.unlink()
-
-
-@contextmanager
-def _in_place_of(path: Path) -> Iterator[Path]:
-    """Yield a file to be written, which then replaces another one as a whole."""
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
-    yield unfinished
-    os.replace(unfinished, path)
 
 
 def lines_of(
@@ -109,7 +136,7 @@ def lines_of(
     table = [{name: _plain(row.get(name)) for name in columns} for row in rows]
     if as_json:
         return "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in table)
-    frame = pd.DataFrame(table, columns=columns, dtype=object)
+    frame = pd.DataFrame(table, columns=columns, dtype=object).map(as_cell)
     return frame.to_csv(index=False, header=heading, lineterminator="\n")
 
 
@@ -121,12 +148,9 @@ def _plain(value: Any) -> Any:
     return value if value is None or isinstance(value, str | int | float) else str(value)
 
 
-def _rows_of(frame: pd.DataFrame, columns: list[str], path: Path) -> list[Row]:
+def _rows_of(frame: pd.DataFrame, columns: list[str]) -> list[Row]:
     if list(frame.columns) != columns:
-        raise ValueError(
-            f"{path} has other columns than these results: {list(frame.columns)} instead of "
-            f"{columns}. Choose another file for --out, or delete it."
-        )
+        raise ValueError(f"it has other columns, {list(frame.columns)} instead of {columns}")
     numbers = [n for n in columns if n in ("expected_cost", "typicality") or n.startswith("P(")]
     frame[numbers] = frame[numbers].where(frame[numbers] != "").astype(object).astype(float)
     texts = [name for name in columns if name not in numbers]
@@ -152,11 +176,12 @@ def run(options: argparse.Namespace) -> int:
     set_costs(model, options.cost, options.priors)
     alarms = _alarms(model, options.fail_on)
     expanded(options.paths, may_be_empty=options.watch is not None)
-    work = _Work(model, layout, options)
-    rows = work.once()
-    while options.watch is not None:
-        time.sleep(options.watch)
+    with nullcontext() if options.out is None else locked(options.out.resolve()):
+        work = _Work(model, layout, options)
         rows = work.once()
+        while options.watch is not None:
+            time.sleep(options.watch)
+            rows = work.once()
     if options.out is not None:
         print(_summary(rows, options.out))
     if any(str(row["decision"]) in alarms for row in rows):
@@ -183,18 +208,17 @@ class _Work:
             self._reports = FileReports(options, layout, options.report)
         if self._table is None:
             print(lines_of([], columns, heading=True), end="")
-        elif not options.again:
-            rows = self._table.read()  # files that failed are tried again
-            self._done = {(r["recording"], r["digest"]): r for r in rows if not r["error"]}
+        else:
+            rows = self._table.read()  # nothing else is overwritten, also with --again
+            if not options.again:  # files that failed are tried again
+                self._done = {(r["recording"], r["digest"]): r for r in rows if not r["error"]}
 
-    def once(self, at_once: int = 32) -> list[Row]:
-        """Decide on the files that are new, `at_once` between two writes, and return all rows."""
-        paths, rows = list(self._paths()), []
+    def once(self) -> list[Row]:
+        """Decide on the files that are new, and return all rows."""
+        paths = list(self._paths())
         if self._table is not None:
             self._table.write([*self._done.values()])
-        for first in range(0, len(paths), at_once):
-            rows += self._rows(paths[first : first + at_once])
-            self._report(len(rows), len(paths))
+        rows = self._rows(paths)
         names = {row["recording"] for row in rows}
         others = [row for row in self._done.values() if row["recording"] not in names]
         is_new = [(row["recording"], row["digest"]) not in self._done for row in rows]
@@ -202,15 +226,17 @@ class _Work:
         if self._table is not None:
             self._table.finish([*rows, *others])
         if self._reports is not None and rows:
-            self._reports.update(pd.DataFrame(rows), is_new)
+            self._reports.update(pd.DataFrame(rows), paths, is_new)
         return rows
 
     def _paths(self, settled: float = 2.0) -> Iterator[Path]:
-        """Yield the files; with --watch, one changed in the last seconds may be incomplete."""
-        now = time.time()
+        """Yield the files but the table; with --watch, one changed just now may be incomplete."""
+        now, table = time.time(), None if self._table is None else self._table.path
         for path in expanded(self._options.paths, may_be_empty=True):
+            if table is not None and path.name == table.name and path.resolve() == table:
+                continue
             written = path.stat().st_mtime if path.is_file() else 0.0
-            if self._options.watch is None or now - written > settled:
+            if self._options.watch is None or abs(now - written) > settled:
                 yield path
 
     def _digest(self, path: Path) -> str:
@@ -221,22 +247,40 @@ class _Work:
             return ""
         return sha256(f"{self._settings_digest}{digest}".encode()).hexdigest()[:32]
 
-    def _rows(self, paths: Sequence[Path]) -> list[Row]:
-        """Return the rows of some files in order; those that are new are written."""
-        digests = [self._digest(path) for path in paths]
-        known = [self._done.get((str(p), d)) for p, d in zip(paths, digests, strict=True)]
-        new = [i for i, row in enumerate(known) if row is None]
-        sources = [partial(open_recording, paths[i], self._layout) for i in new]
-        names = [str(paths[i]) for i in new]
+    def _rows(self, paths: Sequence[Path], most: int = 32, quick: float = 1.0) -> list[Row]:
+        """Return the rows of files in order; those of new ones are written batch by batch.
+
+        A batch grows up to `most` files while one takes less than `quick` seconds: little is lost
+        by a kill.
+        """
+        rows: list[Row] = []
+        new: list[tuple[Path, Row]] = []
+        at_once = effective_n_jobs(self._options.jobs)
+        for number, path in enumerate(paths, 1):
+            key = printable(path), self._digest(path)
+            rows.append(self._done.get(key) or {"recording": key[0], "digest": key[1]})
+            if key not in self._done:
+                new.append((path, rows[-1]))
+            if len(new) >= at_once or number == len(paths):
+                started = time.monotonic()
+                self._decide(new)
+                if time.monotonic() - started < quick:
+                    at_once = max(at_once, min(2 * at_once, most))
+                new = []
+                self._report(number, len(paths))
+        return rows
+
+    def _decide(self, new: Sequence[tuple[Path, Row]]) -> None:
+        """Fill the rows of new files, and write them."""
+        sources = [partial(open_recording, path, self._layout) for path, _ in new]
+        names = [row["recording"] for _, row in new]
         scored = scored_rows(self._model, sources, names, self._options.jobs)
-        for i, row in zip(new, scored, strict=True):
-            row = {k: "" if v is None else v for k, v in row.items()} | {"digest": digests[i]}
-            known[i] = row
+        for (_, row), found in zip(new, scored, strict=True):
+            row.update({k: "" if v is None else v for k, v in found.items()})
             if self._table is not None:
                 self._table.append(row)
             else:
                 print(lines_of([row], self._columns), end="", flush=True)
-        return [row for row in known if row is not None]
 
     def _report(self, done: int, total: int, every: float = 5.0) -> None:
         """Report the progress, at most once in some seconds."""
@@ -288,4 +332,4 @@ def _summary(rows: Sequence[Row], out: Path) -> str:
     counts = pd.Series([row["decision"] for row in rows if not row["error"]], dtype=object)
     parts = [f"{count} {name}" for name, count in counts.value_counts().items()]
     parts += [f"{failed} failed"] if failed else []
-    return f"{len(rows)} files: {', '.join(parts)}. Table: {out}"
+    return f"{len(rows)} files: {', '.join(parts)}. Table: {printable(out)}"

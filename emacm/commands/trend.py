@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
 import numpy as np
 import pandas as pd
 from sklearn.pipeline import make_pipeline
 
 from emacm._checks import check_number, located
+from emacm._saved import written_whole
 from emacm.alarms.health_index import HealthIndex, health_trend
 from emacm.commands.parsers import expanded
 from emacm.commands.train import extent, order_levels
 from emacm.files.folder import RecordingFolder, open_recording
 from emacm.files.layout import Layout
 from emacm.recordings.meta import read_meta
+from emacm.recordings.names import printable
 from emacm.reports.facts import healthy_label
-from emacm.reports.inputs import read_results, units_and_times, with_units_and_times
+from emacm.reports.inputs import as_cell, read_results, units_and_times, with_units_and_times
 
 ALARM, FAILED = 1, 3  # exit status
 
@@ -34,18 +35,25 @@ def run(options: argparse.Namespace) -> int:
     layout = Layout.from_toml(options.layout)
     found = _from_files if options.results is None else _from_results
     table = found(options, layout)
-    table.to_csv(sys.stdout if options.out is None else options.out, index=False)
+    table["recording"] = table["recording"].map(printable)
+    text = table.map(as_cell).to_csv(index=False, lineterminator="\n")
+    if options.out is None:
+        print(text, end="")
+    else:
+        with written_whole(options.out) as unfinished:
+            unfinished.write_text(text, encoding="utf-8", newline="")
     if options.plot is not None:
         from emacm.displays.monitoring import TrendDisplay  # matplotlib is needed only here
 
         display = TrendDisplay(table, time_label=options.time or "time").plot()
-        display.figure_.savefig(options.plot, dpi=150)
+        with written_whole(options.plot) as unfinished:
+            display.figure_.savefig(unfinished, dpi=150, format=options.plot.suffix[1:] or "png")
     latest = table[table["error"] == ""].groupby("unit", sort=True).tail(1)
     if options.out is not None:
         for row in latest.rename(columns={"index": "value"}).itertuples():
             state = "ALARM" if row.alarm else "within the limit"
             print(f"{row.unit}: {row.value:.2f}, limit {row.limit:.2f}, {state}")
-        print(f"Table: {options.out}")
+        print(f"Table: {printable(options.out)}")
     if options.fail_on_alarm and latest["alarm"].any():
         return ALARM
     return FAILED if (table["error"] != "").any() else 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
@@ -107,7 +108,7 @@ def read_results(path: Path) -> pd.DataFrame:
         If it is of another type, or has no columns "recording" and "decision".
     """
     readers: dict[str, Callable[[Path], pd.DataFrame]] = {
-        ".csv": partial(pd.read_csv, keep_default_na=False, dtype={"decision": str}),
+        ".csv": _read_csv,
         ".jsonl": partial(pd.read_json, lines=True, dtype=False),
         ".parquet": pd.read_parquet,
     }
@@ -121,6 +122,30 @@ def read_results(path: Path) -> pd.DataFrame:
                 f"others; got {list(table.columns)}."
             )
     return table
+
+
+def _read_csv(path: Path) -> pd.DataFrame:
+    return pd.read_csv(path, keep_default_na=False, dtype={"decision": str}).map(of_cell)
+
+
+# What a spreadsheet takes for a formula, or such a text that was marked as none
+_FORMULA = r"(?='*([=@]|[+-](?![\d.]*\Z)))"
+
+
+def as_cell(value: Any) -> Any:
+    """Return a value as a cell of a CSV table: texts like formulas have a ' in front.
+
+    Examples
+    --------
+    >>> as_cell("=1+1.csv"), as_cell("-1"), of_cell(as_cell("=1+1.csv"))
+    ("'=1+1.csv", '-1', '=1+1.csv')
+    """
+    return re.sub(f"^{_FORMULA}", "'", value) if isinstance(value, str) else value
+
+
+def of_cell(value: Any) -> Any:
+    """Return the value that `as_cell` was given."""
+    return re.sub(f"^'{_FORMULA}", "", value) if isinstance(value, str) else value
 
 
 def with_units_and_times(

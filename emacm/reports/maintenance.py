@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import os
+import re
 from base64 import b64encode
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from hashlib import sha256
+from html import unescape
 from io import BytesIO
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import pandas as pd
 
+from emacm._saved import written_whole
 from emacm.machine.fault_lines import fault_series
 from emacm.models.model_files import load_model
 from emacm.models.scoring import check_model
 from emacm.recordings.inputs import as_list
 from emacm.recordings.meta import read_meta
+from emacm.recordings.names import printable
 from emacm.reports.facts import decisions_of, healthy_label, model_facts, when
 from emacm.reports.pages import Page, Settings, page_of
 from emacm.reports.pictures import drawn
@@ -141,7 +147,7 @@ def maintenance_report(
     entries = as_list(recordings)
     units = None if unit is None else read_meta(entries, unit, role="unit", arrays=True)
     times = None if time is None else read_meta(entries, time, role="time", arrays=True)
-    names = [str(getattr(entry, "path", f"recording {n}")) for n, entry in enumerate(entries)]
+    names = [printable(getattr(x, "path", f"recording {n}")) for n, x in enumerate(entries)]
     sources = [partial(entries.__getitem__, n) for n in range(len(entries))]
     pages = reports.pages(sources, names)
     add_since(pages, history, units, times, time if isinstance(time, str) else "")
@@ -177,11 +183,12 @@ class Reports:
         pairs = zip(sources, names, strict=True)
         return [page_of(self._settings, source, name) for source, name in pairs]
 
-    def missing(self, names: Sequence[str]) -> list[bool]:
-        """Return for each recording whether its page has not been written before."""
+    def missing(self, names: Sequence[str], digests: Sequence[str]) -> list[bool]:
+        """Return for each recording whether its page, of this digest, was not written before."""
         if self._is_file:
             return [True] * len(names)
-        return [not (self._target / f"{stem}.html").exists() for stem in file_stems(names)]
+        triples = zip(file_stems(names), names, digests, strict=True)
+        return [not _is_page(self._target / f"{s}.html", name, d) for s, name, d in triples]
 
     def write(self, pages: Sequence[Page], before: Sequence[Page] = ()) -> list[Path]:
         """Write pages, and return the files; in a folder, the index is the last one.
@@ -197,12 +204,14 @@ class Reports:
             return [_write(self._target, "maintenance", pages=map(_with_picture, pages))]
         listed = [*before, *pages]
         names = [f"{stem}.html" for stem in file_stems([page.name for page in listed])]
+        entries = [(page, "./" + quote(name)) for page, name in zip(listed, names, strict=True)]
+        # The index is first: missing pages, as after a kill, are noticed by the next run.
+        index = _write(self._target / "index.html", "index", entries=entries)
         files = [
             _write(self._target / name, "maintenance", pages=[_with_picture(page)])
             for page, name in zip(pages, names[len(before) :], strict=True)
         ]
-        entries = list(zip(listed, names, strict=True))
-        return [*files, _write(self._target / "index.html", "index", entries=entries)]
+        return [*files, index]
 
 
 def _with_picture(page: Page) -> tuple[Page, str, str]:
@@ -217,8 +226,18 @@ def _with_picture(page: Page) -> tuple[Page, str, str]:
 def _write(file: Path, template: str, **content: Any) -> Path:
     """Write an HTML document that refers to no other file."""
     html = templates().get_template(f"{template}.html.jinja2").render(**content)
-    file.write_text(html, encoding="utf-8")
+    with written_whole(file) as unfinished:
+        unfinished.write_text(html, encoding="utf-8", errors="backslashreplace")
     return file
+
+
+def _is_page(file: Path, name: str, digest: str, n_head: int = 10_000) -> bool:
+    """Tell whether a file is the page of a recording, by its first characters."""
+    if not file.is_file():
+        return False
+    with open(file, encoding="utf-8", errors="replace") as page:
+        head = unescape(page.read(n_head))
+    return f'<article data-digest="{digest}">\n<h1>{name}</h1>' in head
 
 
 def read_settings(
@@ -344,17 +363,26 @@ def _since(decision: str, earlier: pd.DataFrame, counter: str | None) -> str:
 def file_stems(names: Sequence[str]) -> list[str]:
     """Return names of files without suffix; where files have the same name, with their folder.
 
+    Only letters, digits and ``_.-`` are kept. Those that are then equal, or "index", have a digest
+    of the whole name, so that the order of the recordings does not matter.
+
     Examples
     --------
     >>> file_stems(["a/run.npz", "b/run.npz", "b/new.npz", "recording 3"])
     ['a_run', 'b_run', 'new', 'recording_3']
+    >>> file_stems(["run 1.csv", "run_1.csv", "index.csv"])
+    ['run_1_edb3a055', 'run_1_1b69dfb6', 'index_d9f9d495']
     """
     paths = [Path(name) for name in names]
-    counts: Counter[str] = Counter()
-    unique = []
+    folders = defaultdict(set)
     for path in paths:
-        folders = {other.parent for other in paths if other.stem == path.stem}
-        stem = f"{path.parent.name}_{path.stem}" if len(folders) > 1 else path.stem
-        counts[stem] += 1
-        unique.append(stem if counts[stem] == 1 else f"{stem}_{counts[stem]}")
-    return [stem.replace(" ", "_") for stem in unique]
+        folders[path.stem].add(path.parent)
+    stems = [f"{p.parent.name}_{p.stem}" if len(folders[p.stem]) > 1 else p.stem for p in paths]
+    stems = [re.sub(r"[^\w.-]", "_", stem)[-75:] for stem in stems]  # a name has 255 bytes
+    counts = Counter(stem.casefold() for stem in [*stems, "index"])
+    same: Counter[str] = Counter()
+    for k, name in enumerate(names):
+        same[name] += 1
+        if counts[stems[k].casefold()] > 1:
+            stems[k] += "_" + sha256(f"{name}{same[name]}".encode()).hexdigest()[:8]
+    return stems

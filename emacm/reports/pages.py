@@ -119,6 +119,8 @@ class Page:
         Units of the channels, and kinds of those that are envelopes.
     parts : part or sequence of parts, optional
         Whose orders are marked.
+    digest : str
+        Of the file and the settings, by which the page is recognised later.
     """
 
     name: str
@@ -142,6 +144,7 @@ class Page:
     units: Mapping[str, str] = field(default_factory=dict)
     envelopes: Mapping[str, str] = field(default_factory=dict)
     parts: Any = None
+    digest: str = ""
 
     @property
     def heading(self) -> str:
@@ -206,7 +209,9 @@ def _add_warnings(page: Page, model: Any, recording: Recording, new_lines: Seque
         known = [found.text for found in quality.findings if found.kind in usual]
         page.notes += [f"As in the training: {text}." for text in known]
         if not quality.findings:
-            page.normal.append("channels without clipping, interruption or constant values")
+            page.normal.append(
+                "channels without clipping, overflow, drop-outs, offsets or constant values"
+            )
     page.doubtful = bool(page.first)
     found = training_statements(model, [recording])
     statements = None if found is None else found[0]

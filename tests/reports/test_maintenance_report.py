@@ -96,7 +96,7 @@ def test_no_page_has_nats_or_a_probability_of_one(folder):
 
 def test_the_index_states_decision_since_action_and_doubt_of_every_page(folder):
     html = (folder / "index.html").read_text(encoding="utf-8")
-    assert parsed(html).links == [f"recording_{n}.html" for n in range(3)]
+    assert parsed(html).links == [f"./recording_{n}.html" for n in range(3)]
     rows = [parsed(row).text.split() for row in re.findall(r"<tr><td>.*?</tr>", html, re.S)]
     listed = [" ".join(row) for row in rows]
     assert listed[0].startswith("recording 0 healthy")
