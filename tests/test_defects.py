@@ -365,7 +365,7 @@ def test_quick_files_are_decided_on_together(scored):
 def test_a_full_disk_is_named_with_the_table_or_the_page_and_nothing_is_left(scored, tmp_path):
     pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
     measure("a.csv", "b.csv")
-    for n_bytes, rows in ((50, None), (120, 0), (250, 1)):
+    for n_bytes, rows in ((50, None), (120, 0), (300, 1)):
         with full_disk(n_bytes):
             status, err, _ = scored(".", "--out", "../rows.csv", "--jobs", "1")
         assert (status, "rows.csv" in err) == (2, True)
