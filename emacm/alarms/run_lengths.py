@@ -126,7 +126,6 @@ def stated_run_length(
     limit: float,
     nominal: float,
     settings: Bootstrap = Bootstrap(),
-    random_state: int = 0,
 ) -> RunLength:
     """Simulate baselines of this size and correlation, and count false alarms after each [1]_.
 
@@ -144,8 +143,6 @@ def stated_run_length(
         Average run length with a known baseline.
     settings : Bootstrap
         Sizes and limits of the simulation.
-    random_state : int
-        Seed of the random numbers.
 
     Returns
     -------
@@ -179,7 +176,7 @@ def stated_run_length(
     if few or 1 < n_groups < settings.fewest_groups:
         return RunLength(nominal, nominal, "nominal", *size, (0.0, np.inf))
     n_steps = int(np.clip(2 * nominal, settings.fewest_steps, settings.most_steps))
-    counts = process.false_alarms(advance, limit, n_steps, np.random.default_rng(random_state))
+    counts = process.false_alarms(advance, limit, n_steps)
     mean, n_alarms = counts.mean(), counts.sum()
     if n_alarms < settings.fewest_alarms:
         most = chi2.ppf(0.95, 2 * n_alarms + 2) / 2  # upper limit of a Poisson mean
@@ -230,23 +227,19 @@ class _Process:
         self._block = max(1, round(len(baseline) ** 0.25) - 1)
 
     def false_alarms(
-        self,
-        advance: Callable[[Array, Array], Array],
-        limit: float,
-        n_steps: int,
-        rng: np.random.Generator,
+        self, advance: Callable[[Array, Array], Array], limit: float, n_steps: int
     ) -> Array:
         """Return the number of false alarms after each simulated baseline.
 
         Each machine has its own correlation, from what the baseline tells of it, and at least 0.
         """
-        self._rng, self._left = rng, 0
+        self._rng, self._left = np.random.default_rng(0), 0
         shape = (self._settings.n_baselines, len(self.correlations))
         uncertainty = 1 / np.sqrt(self._lengths.sum() * (1 - self.correlations**2))
-        errors = uncertainty * rng.normal(self._settings.caution, 1.0, shape)
+        errors = uncertainty * self._rng.normal(self._settings.caution, 1.0, shape)
         self.simulated = np.maximum(np.tanh(np.arctanh(self.correlations) + errors), 0.0)
         n_blocks = len(self._residuals) - self._block + 1
-        self._starts = rng.integers(n_blocks, size=(shape[0], n_blocks))
+        self._starts = self._rng.integers(n_blocks, size=(shape[0], n_blocks))
         mean, scale = self.estimated_baselines()
         self.start_group()
         statistic, n_alarms = np.zeros_like(mean), np.zeros(len(mean))

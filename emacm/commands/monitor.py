@@ -90,9 +90,8 @@ class _GrowingFile:
                 *lines, part = (part + new).split(b"\n")
                 yield from (line + b"\n" for line in lines)
             elif new is None or is_old:
-                if is_old:
-                    self._file.close()
-                    self._open()
+                self.close()
+                self._open()
                 return
             elif time.monotonic() - since >= self._idle:
                 self._ended = True
@@ -118,7 +117,6 @@ class _GrowingFile:
         self._file.seek(self._place - n_before)
         content = self._file.read(n_before + n_bytes)
         if not content.startswith(self._before):
-            self._place, self._before = 0, b""
             return None
         self._place += len(content) - n_before
         self._before = content[-n_compared:]
@@ -163,16 +161,10 @@ class _Stream:
         self._fs = max(rates.values())
         if layout.fs is None:
             self._layout = replace(layout, fs=self._fs)
-        self._monitor = OrderMonitor(
-            model,
-            fs=rates,
-            shaft_fs=arguments["shaft_fs"],
-            channels=list(rates),
-            max_speed=options.max_speed,
-            every=options.every,
-            unit=options.unit,
-            wrapped=options.wrapped,
-        )
+        names = ("max_speed", "every", "unit", "wrapped")
+        chosen = {name: getattr(options, name) for name in names}
+        chosen |= {"fs": rates, "shaft_fs": arguments["shaft_fs"], "channels": list(rates)}
+        self._monitor = OrderMonitor(model, **chosen)
         self._at_once = max(2, round(block * self._fs))
         if state and file:
             with located(where):
@@ -182,7 +174,10 @@ class _Stream:
         """Process all lines, and return the exit status."""
         for number, lines in enumerate(self._contents):
             if number > 0:
-                self._begin_new_content()
+                source = self._options.source
+                self._interrupt(f"{source} was emptied or replaced. It is read from its new start.")
+                self._offset, self._before = 0, b""
+                self._save()
             rows = chain(self._rows_below_header(lines) if self._offset == 0 else [], lines)
             while block := list(islice(rows, self._at_once)):
                 self._process(block)
@@ -254,14 +249,6 @@ class _Stream:
             self._interrupt(str(error), len(rows))
             self._save()
 
-    def _begin_new_content(self) -> None:
-        source = self._options.source
-        self._interrupt(
-            f"{source} was emptied or replaced. Its new content is read from the start."
-        )
-        self._offset, self._before = 0, b""
-        self._save()
-
     def _interrupt(self, error: str, n_skipped: int = 0) -> None:
         """State an error; the reading up to it ends, and another one begins."""
         ended = self._monitor.time + self._ahead if self._resumed is None else self._resumed
@@ -310,12 +297,8 @@ class _Stream:
         """
         if self._options.state is None:
             return
-        texts = {
-            "monitor": self._monitor.state(),
-            "last": self._last,
-            "before": self._before,
-            "head": b"".join(self._head),
-        }
+        texts = {"last": self._last, "before": self._before, "head": b"".join(self._head)}
+        texts["monitor"] = self._monitor.state()
         state: dict[str, Any] = {k: np.frombuffer(text, np.uint8) for k, text in texts.items()}
         state |= {"offset": self._offset, "resumed": self._resumed, "ahead": self._ahead}
         state["source"] = os.path.abspath(self._options.source)

@@ -167,7 +167,7 @@ class StreamInput(Resumable):
             added = np.rint(steps / (-2 * np.pi))
         self._check_speed((steps + 2 * np.pi * added) * self._settings.shaft_fs, time)
         turns = self._turns + np.cumsum(added)
-        self._last, self._turns = measured[-1:], int(turns[-1])
+        self._last, self._turns = measured[-1:].copy(), int(turns[-1])
         return measured + 2 * np.pi * turns
 
 

@@ -26,6 +26,7 @@ from emacm.resampling.quality import Quality
 from emacm.resampling.training_range import outside_range
 from emacm.streams.packed_state import Resumable
 
+Array = NDArray[np.floating]
 _COST = "expected_cost"
 
 
@@ -146,7 +147,7 @@ class Reading:
 
     start: float
     time: float
-    features: NDArray[np.floating] | None = field(repr=False)
+    features: Array | None = field(repr=False)
     posterior: dict[Any, float]
     decision: Any
     risk: dict[Any, float]
@@ -204,13 +205,7 @@ class StreamedModel:
         self._transformers = steps[2:]
 
     def reading(
-        self,
-        start: float,
-        time: float,
-        powers: NDArray[np.floating],
-        quality: Quality,
-        *,
-        complete: bool = True,
+        self, start: float, time: float, powers: Array, quality: Quality, complete: bool = True
     ) -> Reading:
         """Return what the model states of the spectra of an interval.
 
