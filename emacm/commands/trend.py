@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from contextlib import nullcontext
 
 import numpy as np
 import pandas as pd
@@ -36,12 +38,8 @@ def run(options: argparse.Namespace) -> int:
     found = _from_files if options.results is None else _from_results
     table = found(options, layout)
     table["recording"] = table["recording"].map(printable)
-    text = table.map(as_cell).to_csv(index=False, lineterminator="\n")
-    if options.out is None:
-        print(text, end="")
-    else:
-        with written_whole(options.out) as unfinished:
-            unfinished.write_text(text, encoding="utf-8", newline="")
+    with nullcontext(sys.stdout) if options.out is None else written_whole(options.out) as out:
+        table.map(as_cell).to_csv(out, index=False)
     if options.plot is not None:
         from emacm.displays.monitoring import TrendDisplay  # matplotlib is needed only here
 
