@@ -60,32 +60,29 @@ class FileReports:
         pages = self._pages(paths, history)
         return self._reports.write(pages)[-1], any(page.kind == "error" for page in pages)
 
-    def update(self, rows: pd.DataFrame, paths: Sequence[Path], is_new: Sequence[bool]) -> None:
+    def update(self, rows: pd.DataFrame, at_once: int = 8) -> None:
         """Write the pages of new results, and an index of all.
 
         Parameters
         ----------
         rows : DataFrame
-            All results of files.
-        paths : sequence of Path
-            The files, whose names may not be printable.
-        is_new : sequence of bool
-            Which of them are new; those without a page are taken as well.
+            All results of files, with the columns "path", whose name may not be printable, and
+            "is_new"; those without a page are taken as well.
+        at_once : int
+            Number of pages between two writes.
         """
         missing = self._reports.missing(rows["recording"].tolist(), rows["digest"].tolist())
-        wanted = np.array(is_new) | missing
-        new, kept = rows[wanted], rows[~wanted]
-        before = [
-            Page(name, str(decision), "other")
-            for name, decision in zip(kept["recording"], kept["decision"], strict=True)
-        ]
-        if len(new):
-            files = pd.Series(paths, rows.index, dtype=object)
-            history = kept.assign(recording=files[~wanted]) if self._unit else None
-            pages = self._pages(files[wanted].tolist(), history)
-            for page, digest in zip(pages, new["digest"], strict=True):
+        wanted = np.flatnonzero(rows["is_new"].to_numpy() | missing)
+        at_once = len(rows) if self._reports.is_file else at_once
+        for first in range(0, len(wanted), at_once):
+            part = rows.iloc[wanted[first : first + at_once]]
+            others = rows.drop(part.index)
+            history = others.assign(recording=others["path"]) if self._unit else None
+            pages = self._pages(part["path"].tolist(), history)
+            for page, digest in zip(pages, part["digest"], strict=True):
                 page.digest = digest
-            self._reports.write(pages, before)
+            known = zip(others["recording"], others["decision"], strict=True)
+            self._reports.write(pages, [Page(name, str(made), "other") for name, made in known])
 
     def _pages(self, paths: Sequence[Path], history: pd.DataFrame | None) -> list[Page]:
         layout, unit = self._layout, self._unit

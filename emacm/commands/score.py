@@ -34,8 +34,6 @@ from emacm.reports.inputs import as_cell, of_cell
 
 Row = dict[str, Any]
 
-SUFFIXES = (".csv", ".jsonl", ".parquet")
-
 
 class ResultTable:
     """Rows in a file, each written as soon as it is known.
@@ -57,8 +55,8 @@ class ResultTable:
     """
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
-        if path.suffix not in SUFFIXES:
-            raise ValueError(f"{str(path)!r} must end with one of {', '.join(SUFFIXES)}.")
+        if path.suffix not in (".csv", ".jsonl", ".parquet"):
+            raise ValueError(f"{str(path)!r} must end with one of .csv, .jsonl, .parquet.")
         self.path, self.columns = path.resolve(), list(columns)
         self._parquet = path.suffix == ".parquet"
         self._written = Path(f"{self.path}.jsonl") if self._parquet else self.path
@@ -202,9 +200,9 @@ class _Work:
         if self._table is None:
             print(lines_of([], columns, heading=True), end="")
         else:
-            rows = self._table.read()  # nothing else is overwritten, also with --again
-            if not options.again:  # files that failed are tried again
-                self._done = {(r["recording"], r["digest"]): r for r in rows if not r["error"]}
+            for row in self._table.read():
+                if not row["error"]:  # files that failed are tried again
+                    self._done[row["recording"], "" if options.again else row["digest"]] = row
 
     def once(self) -> list[Row]:
         """Decide on the files that are new, and return all rows."""
@@ -219,17 +217,16 @@ class _Work:
         if self._table is not None:
             self._table.finish([*rows, *others])
         if self._reports is not None and rows:
-            self._reports.update(pd.DataFrame(rows), paths, is_new)
+            self._reports.update(pd.DataFrame(rows).assign(path=paths, is_new=is_new))
         return rows
 
     def _paths(self, settled: float = 2.0) -> Iterator[Path]:
         """Yield the files but the table; with --watch, one changed just now may be incomplete."""
         now, table = time.time(), None if self._table is None else self._table.path
         for path in expanded(self._options.paths, may_be_empty=True):
-            if table is not None and path.name == table.name and path.resolve() == table:
-                continue
             written = path.stat().st_mtime if path.is_file() else 0.0
-            if self._options.watch is None or abs(now - written) > settled:
+            is_settled = self._options.watch is None or abs(now - written) > settled
+            if is_settled and path.resolve() != table:
                 yield path
 
     def _digest(self, path: Path) -> str:

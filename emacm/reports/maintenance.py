@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from base64 import b64encode
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from hashlib import sha256
@@ -169,13 +169,13 @@ class Reports:
         templates()  # a missing jinja2 is stated before hours of work
         self._settings = settings
         self._target = target = Path(path)
-        self._is_file = target.suffix == ".html" and not target.is_dir()
-        if target.suffix == ".pdf" or (target.is_file() and not self._is_file):
+        self.is_file = target.suffix == ".html" and not target.is_dir()
+        if target.suffix == ".pdf" or (target.is_file() and not self.is_file):
             raise ValueError(
                 f"path must end with .html, or be a folder; got {str(path)!r}. For a PDF file, "
                 f"print the HTML page from a browser."
             )
-        if not self._is_file:
+        if not self.is_file:
             target.mkdir(parents=True, exist_ok=True)
 
     def pages(self, sources: Sequence[Callable[[], Any]], names: Sequence[str]) -> list[Page]:
@@ -185,7 +185,7 @@ class Reports:
 
     def missing(self, names: Sequence[str], digests: Sequence[str]) -> list[bool]:
         """Return for each recording whether its page, of this digest, was not written before."""
-        if self._is_file:
+        if self.is_file:
             return [True] * len(names)
         triples = zip(file_stems(names), names, digests, strict=True)
         return [not _is_page(self._target / f"{s}.html", name, d) for s, name, d in triples]
@@ -198,15 +198,20 @@ class Reports:
         pages : sequence of Page
             What is written.
         before : sequence of Page
-            Pages in the folder that are only listed in the index.
+            Pages in the folder that are only listed in the index, as they were.
         """
-        if self._is_file:
+        if self.is_file:
             return [_write(self._target, "maintenance", pages=map(_with_picture, pages))]
         listed = [*before, *pages]
         names = [f"{stem}.html" for stem in file_stems([page.name for page in listed])]
-        entries = [(page, "./" + quote(name)) for page, name in zip(listed, names, strict=True)]
+        links = ["./" + quote(name) for name in names]
+        index = self._target / "index.html"
+        old = index.read_text(encoding="utf-8", errors="replace") if index.is_file() else ""
+        found = re.findall(r'(<tr><td><a href="([^"]*)">.*?</tr>)', old, re.DOTALL)
+        lines = {link: line for line, link in found}
+        as_before = [lines.get(link) for link in links[: len(before)]] + [None] * len(pages)
         # The index is first: missing pages, as after a kill, are noticed by the next run.
-        index = _write(self._target / "index.html", "index", entries=entries)
+        _write(index, "index", entries=zip(listed, links, as_before, strict=True))
         files = [
             _write(self._target / name, "maintenance", pages=[_with_picture(page)])
             for page, name in zip(pages, names[len(before) :], strict=True)
@@ -374,10 +379,8 @@ def file_stems(names: Sequence[str]) -> list[str]:
     ['run_1_edb3a055', 'run_1_1b69dfb6', 'index_d9f9d495']
     """
     paths = [Path(name) for name in names]
-    folders = defaultdict(set)
-    for path in paths:
-        folders[path.stem].add(path.parent)
-    stems = [f"{p.parent.name}_{p.stem}" if len(folders[p.stem]) > 1 else p.stem for p in paths]
+    n_folders = Counter(stem for stem, _ in {(path.stem, path.parent) for path in paths})
+    stems = [f"{p.parent.name}_{p.stem}" if n_folders[p.stem] > 1 else p.stem for p in paths]
     stems = [re.sub(r"[^\w.-]", "_", stem)[-75:] for stem in stems]  # a name has 255 bytes
     counts = Counter(stem.casefold() for stem in [*stems, "index"])
     same: Counter[str] = Counter()
