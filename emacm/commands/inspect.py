@@ -92,10 +92,10 @@ def run(options: argparse.Namespace) -> int:
             raise ValueError(f"{str(options.draft)!r} exists. Choose another name for --draft.")
         with written_whole(options.draft) as unfinished:
             unfinished.write_text(draft_layout(contents, options.file), encoding="utf-8")
-        print(f"Draft of the layout: {options.draft}")
+        print(f"Draft of the layout: {printable(options.draft)}")
     if options.plot is not None:
         plot(contents, options.plot)
-        print(f"Plot: {options.plot}")
+        print(f"Plot: {printable(options.plot)}")
     return 0
 
 

@@ -127,7 +127,8 @@ def lines_of(
     table = [{name: _plain(row.get(name)) for name in columns} for row in rows]
     if as_json:
         return "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in table)
-    frame = pd.DataFrame(table, columns=columns, dtype=object).map(as_cell)
+    cells = [[*map(as_cell, row.values())] for row in table]
+    frame = pd.DataFrame(cells, columns=columns, dtype=object)
     return frame.to_csv(index=False, header=heading, lineterminator="\n")
 
 

@@ -37,7 +37,6 @@ def run(options: argparse.Namespace) -> int:
     layout = Layout.from_toml(options.layout)
     found = _from_files if options.results is None else _from_results
     table = found(options, layout)
-    table["recording"] = table["recording"].map(printable)
     with nullcontext(sys.stdout) if options.out is None else written_whole(options.out) as out:
         table.map(as_cell).to_csv(out, index=False)
     if options.plot is not None:
