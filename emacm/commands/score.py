@@ -92,9 +92,8 @@ class ResultTable:
 
     def write(self, rows: Sequence[Row]) -> None:
         """Write these rows in place of all others."""
-        content = self._content(rows, heading=True)
         with written_whole(self._written) as unfinished:
-            unfinished.write_bytes(content)
+            unfinished.write_bytes(self._content(rows, heading=True))
 
     def append(self, row: Row) -> None:
         """Write one row to the disk; all of it, or nothing with an error."""

@@ -184,9 +184,7 @@ class Reports:
         return [page_of(self._settings, source, name) for source, name in pairs]
 
     def missing(self, names: Sequence[str], digests: Sequence[str]) -> list[bool]:
-        """Return for each recording whether its page, of this digest, was not written before."""
-        if self.is_file:
-            return [True] * len(names)
+        """Return for each recording whether a folder has no page of it, of this digest."""
         triples = zip(file_stems(names), names, digests, strict=True)
         return [not _is_page(self._target / f"{s}.html", name, d) for s, name, d in triples]
 
@@ -207,9 +205,9 @@ class Reports:
         links = ["./" + quote(name) for name in names]
         index = self._target / "index.html"
         old = index.read_text(encoding="utf-8", errors="replace") if index.is_file() else ""
-        found = re.findall(r'(<tr><td><a href="([^"]*)">.*?</tr>)', old, re.DOTALL)
-        lines = {link: line for line, link in found}
-        as_before = [lines.get(link) for link in links[: len(before)]] + [None] * len(pages)
+        row_of_link = r'(?s)(<tr><td><a href="([^"]*)">.*?</tr>)'
+        rows = {link: row for row, link in re.findall(row_of_link, old)}
+        as_before = [rows.get(link) for link in links[: len(before)]] + [None] * len(pages)
         # The index is first: missing pages, as after a kill, are noticed by the next run.
         _write(index, "index", entries=zip(listed, links, as_before, strict=True))
         files = [
@@ -241,8 +239,8 @@ def _is_page(file: Path, name: str, digest: str, n_head: int = 10_000) -> bool:
     if not file.is_file():
         return False
     with open(file, encoding="utf-8", errors="replace") as page:
-        head = unescape(page.read(n_head))
-    return f'<article data-digest="{digest}">\n<h1>{name}</h1>' in head
+        expected = f'<article data-digest="{digest}">\n<h1>{name}</h1>'
+        return expected in unescape(page.read(n_head))
 
 
 def read_settings(
