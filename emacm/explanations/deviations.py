@@ -166,6 +166,37 @@ def unknown_statements(table: pd.DataFrame, nearest: str) -> list[str]:
     return texts
 
 
+def second_state_statement(state: Any, second: Any, raised: pd.DataFrame | None = None) -> str:
+    """State that a recording has lines of a second state.
+
+    Parameters
+    ----------
+    state, second : label
+        The decided state, and the one whose lines are also there.
+    raised : DataFrame, optional
+        Columns "column", "channel", "low", "high", "deviation" and "unit" of what is raised above
+        the decided state; the most important first.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> second_state_statement("bearing", "screw")
+    "lines that 'bearing' does not explain, as of 'screw'"
+    """
+    text = f"lines that {str(state)!r} does not explain, as of {str(second)!r}"
+    if raised is None or not len(raised):
+        return text
+    parts = []
+    for row in raised.itertuples():
+        is_band = np.isfinite(row.low)
+        name = f"order {row.low:g} to {row.high:g} of {row.channel!r}" if is_band else row.column
+        parts.append(f"{name} {row.deviation:.2g} {row.unit} higher")
+    return f"{text}: {', '.join(parts)}"
+
+
 def _gain(own: pd.DataFrame) -> float | None:
     """Return the gain [dB] without which the bins are in the range of the training; None if none.
 

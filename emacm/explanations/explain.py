@@ -16,7 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.truths import label_list, label_positions
-from emacm.explanations.deviations import PROJECTED, find_deviations, unknown_statements
+from emacm.explanations.deviations import (
+    PROJECTED,
+    find_deviations,
+    second_state_statement,
+    unknown_statements,
+)
 from emacm.explanations.feature_traces import with_names
 from emacm.explanations.opened_pipelines import OpenedPipeline, TracedRecordings, one_recording
 
@@ -83,6 +88,9 @@ def explain_decision(
     order 9 to 9.5 of 'vibration', 14 dB above the training maximum". After a projection (PCA),
     which bins deviate is not determined; give the training recordings as `background`.
 
+    Otherwise, `attrs` has "statements" if the recording has lines of another class beside those of
+    `decision` (`CostSensitiveGaussianBayes.second_states`): which, and how high they are.
+
     A pipeline with a `BinTransformer` among its steps is explained by the bins of the last one.
     Any other is explained by the columns of the step that turns recordings into a table, such as
     a `FeatureUnion` of order bins, `RecordingStatistics` and others, by their names and with
@@ -146,6 +154,8 @@ def explain_decision(
         if others is not None or not traced.trace.linear:
             attrs["statements"] = unknown_statements(table.join(deviations), str(classes[code]))
         table = table.join(deviations[["deviation", "outside_training", "unit"]])
+    elif statement := _of_second_state(classifier, traced, decision):
+        attrs["statements"] = [statement]
     table = _ranked(table)
     table.attrs = attrs
     return table
@@ -259,6 +269,24 @@ def _deviations(
     elif others is not None:
         low, high, spread = others.min(axis=0), others.max(axis=0), others.std(axis=0)
     return find_deviations(traced, (traced.positions[0] - step[0], low, high), spread)
+
+
+def _of_second_state(
+    classifier: CostSensitiveGaussianBayes, traced: TracedRecordings, decision: Any
+) -> str:
+    """Return a sentence on lines of another class beside those of the decided one; "" if none."""
+    features = with_names(classifier, traced.features)
+    (second,) = classifier.second_states(features, [decision])
+    if second is None or traced.trace.linear:
+        return "" if second is None else second_state_statement(decision, second)
+    own, other = map(classifier.classes_.tolist().index, (decision, second))
+    distances, unknown = classifier.distances_, np.full(len(traced.bins), np.nan)
+    mean, spread = distances.means[own], distances.deviations
+    sigmas = np.where(distances.raised(own)[other], traced.positions[0] - mean, 0.0) / spread
+    table = traced.bins.join(find_deviations(traced, (mean, unknown, unknown), spread))
+    order = np.argsort(-sigmas, kind="stable")[:3]
+    listed = order[sigmas[order] > max(sigmas.max() / 2, 0.0)]
+    return second_state_statement(decision, second, table.iloc[listed])
 
 
 def _ranked(table: pd.DataFrame) -> pd.DataFrame:

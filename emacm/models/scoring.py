@@ -29,6 +29,7 @@ from emacm.decisions.pipelines import (
     search_estimator,
 )
 from emacm.decisions.risks import LeastRiskMixin, decide, risks_of
+from emacm.explanations.deviations import second_state_statement
 from emacm.explanations.explain import explain_decision
 from emacm.files.folder import FileRecording
 from emacm.orders.bin_transformer import BinTransformer, collected_statements
@@ -70,7 +71,8 @@ def score(model: Any, recordings: Any, *, n_jobs: int | None = None) -> pd.DataF
           classes, may be certain of one of them,
         - ``warnings``: findings of `OrderResampler.quality`,
         - ``outside_training``: properties outside the range of the training recordings, see
-          `outside_training`, and what deviates where the decision is the unknown state,
+          `outside_training`, what deviates where the decision is the unknown state, and lines of
+          another class beside those of the decision (`CostSensitiveGaussianBayes.second_states`),
         - ``error``: why there is no decision; empty if there is one.
 
     Raises
@@ -254,12 +256,18 @@ def _results(model: Any, recordings: list[Recording]) -> list[Row]:
         final, table = opened_classifier(model, recordings)
         decisions = _decisions(model, final, table)
     unknown = getattr(final, "unknown", None)
+    seconds = [None] * len(decisions)
+    if hasattr(final, "second_states"):
+        seconds = final.second_states(table, [row["decision"] for row in decisions])
     rows = []
     for number, found in enumerate(_findings(model, recordings)):
         row = decisions[number] | found
         outside = row["outside_training"] or "; ".join(new_lines[number])
         if unknown is not None and row["decision"] == unknown:
             outside = _reasons(model, recordings[number], outside)
+        elif seconds[number] is not None:
+            second = second_state_statement(row["decision"], seconds[number])
+            outside = _reasons(model, recordings[number], outside, second)
         rows.append(row | {"outside_training": outside})
     return rows
 
@@ -311,11 +319,11 @@ def opened_classifier(model: Any, X: list[Any]) -> tuple[Any, Any]:
     return with_present_costs(inner, own, final.estimator, final.classes_), features
 
 
-def _reasons(model: Any, recording: Recording, known: str) -> str:
-    """Return the sentences on properties outside the training range, then what makes it unknown."""
-    statements: list[str] = []
+def _reasons(model: Any, recording: Recording, known: str, *otherwise: str) -> str:
+    """Return the sentences on properties outside the training range, then what else deviates."""
+    statements = [*otherwise]
     with suppress(TypeError, ValueError):  # some models decide but cannot be explained
-        statements = explain_decision(model, recording).attrs.get("statements", [])
+        statements = explain_decision(model, recording).attrs.get("statements", statements)
     return "; ".join(filter(None, [known, *statements]))
 
 

@@ -100,7 +100,7 @@ class Page:
     since, action : str
         Since when, and the recommended action; empty if they are not known.
     statements : list of str
-        What deviates from the training, of an unknown state.
+        What deviates from the training, of an unknown state; lines of a second state.
     rows : list of Row
         Raised orders.
     reference : str
@@ -233,9 +233,8 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, verdict:
     page.spectra = order_spectra(model, recording)
     background = settings.background
     try:
-        if verdict.kind == "unknown":
-            explained = explain_decision(model, recording, background=background)
-            page.statements = explained.attrs["statements"]
+        explained = explain_decision(model, recording, background=background)
+        page.statements = explained.attrs.get("statements", [])
         table = class_deviations(model, recording, reference, background=background)
     except (TypeError, ValueError) as error:
         page.notes.append(f"Which orders are raised is not known: {error}")

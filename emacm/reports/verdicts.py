@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from emacm.decisions.risks import LeastRiskMixin
+from emacm.explanations.deviations import second_state_statement
 from emacm.models.scoring import opened_classifier
 from emacm.recordings.recording import Recording
 from emacm.reports.facts import confidence, listed, percent
@@ -94,6 +95,10 @@ def verdict_on(
             "The probabilities were not calibrated on left-out recordings: they are usually too "
             "close to certainty."
         )
+    if hasattr(classifier, "second_states"):
+        (second,) = classifier.second_states(table, [decision])
+        if second is not None:
+            sentences.append(f"There are {second_state_statement(decision, second)}.")
     normal, typicality = [], float(row["typicality"])
     if typicality <= 0.01:  # 1 in 100
         sentences.append(
