@@ -37,7 +37,7 @@ def add_parsers(commands: Any) -> None:
     commands : action of `argparse`
         The subcommands.
     """
-    for add_options in (_inspect, _train, _score, _monitor, _report, _trend):
+    for add_options in (_inspect, _find, _train, _score, _monitor, _report, _trend):
         add_options(partial(_command, commands))
 
 
@@ -67,6 +67,23 @@ def _inspect(command: Add) -> None:
     add("--draft", type=_writable, metavar="TOML", help="write a draft of the layout of such files")
 
 
+def _find(command: Add) -> None:
+    add = command(
+        "find",
+        "name faults of bearings and gears from the geometry, without training",
+        "0 if no fault is named; 1 if one is; 2 for invalid arguments; 3 if there is no answer for "
+        "some of the files.",
+    )
+    _add_files(add, needs_layout=False)
+    _add_parts(add)
+    speed = "constant speed [rpm], if the files do not state it"
+    add("--speed", type=float, metavar="RPM", help=speed)
+    healthy = "folder of files of the same machine without faults"
+    add("--healthy", type=Path, metavar="FOLDER", help=healthy)
+    add("--out", type=_writable, metavar="CSV", help="table with all scores")
+    add("--plot", type=Path, metavar="DIR", help="folder for a picture of each finding")
+
+
 def _train(command: Add) -> None:
     add = command("train", "fit a recipe on the files of a folder, evaluate and save the model")
     add("layout", metavar="LAYOUT", type=Path, help="layout of the files (TOML)")
@@ -74,8 +91,12 @@ def _train(command: Add) -> None:
     add("--labels", required=True, metavar="KEY", help="key of meta with the state of the machine")
     groups = "key of meta with the unit or run; the evaluation leaves out whole ones"
     add("--groups", required=True, metavar="KEY", help=groups)
-    recipe = "orders: powers in order bins (default); actuator: emacm.actuator_recipe"
-    add("--recipe", choices=("orders", "actuator"), default="orders", help=recipe)
+    recipe = (
+        "orders: powers in order bins (default); actuator: emacm.actuator_recipe; bearing: levels "
+        "of the lines of --bearing or --parts in the envelope"
+    )
+    add("--recipe", choices=("orders", "actuator", "bearing"), default="orders", help=recipe)
+    _add_parts(add)
     add("--out", required=True, type=_writable, metavar="MODEL", help="file of the model")
     add("--healthy", metavar="LABEL", help="label of the healthy state; default: healthy or normal")
     _add_extent(add)
@@ -167,10 +188,24 @@ def _trend(command: Add) -> None:
     _add_extent(add)
 
 
-def _add_files(add: Add, number: str = "+") -> None:
+def _add_files(add: Add, number: str = "+", *, needs_layout: bool = True) -> None:
     """Add the files that a command reads, and their layout."""
     add("paths", metavar="PATH", type=Path, nargs=number, help="files, or folders of files")
-    add("--layout", required=True, type=Path, metavar="L", help="layout of the files (TOML)")
+    layout = "layout of the files (TOML)"
+    if not needs_layout:
+        layout += "; default: as emacm inspect drafts it, if it leaves nothing open"
+    add("--layout", required=needs_layout, type=Path, metavar="L", help=layout)
+
+
+def _add_parts(add: Add) -> None:
+    """Add the parts of the machine."""
+    bearing = "designation such as 6205, or balls,ball diameter,pitch diameter[,contact angle]"
+    add("--bearing", metavar="B", help=bearing)
+    parts = (
+        "components of the machine: tables such as [[Bearing]] with n_balls, ball_diameter, "
+        "pitch_diameter, name; [orders] with BPFI = 5.4"
+    )
+    add("--parts", type=Path, metavar="TOML", help=parts)
 
 
 def _add_time(add: Add) -> None:
@@ -193,10 +228,6 @@ def _add_report_options(add: Add) -> None:
     """Add what the reports of ``emacm report`` and ``emacm score`` have in common."""
     actions = "recommended action for each decision: TOML, decision = 'text'"
     add("--actions", type=Path, metavar="TOML", help=actions)
-    parts = (
-        "components of the machine: tables such as [[Bearing]] with n_balls, ball_diameter, "
-        "pitch_diameter, name; [orders] with BPFI = 5.4"
-    )
-    add("--parts", type=Path, metavar="TOML", help=parts)
+    _add_parts(add)
     add("--unit", metavar="KEY", help="key of meta with the unit, for 'since when' in reports")
     _add_time(add)

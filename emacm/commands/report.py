@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from emacm.commands.find import parts_of_options
 from emacm.commands.parsers import expanded
 from emacm.files.folder import open_recording
 from emacm.files.layout import Layout
@@ -51,7 +52,8 @@ class FileReports:
 
     def __init__(self, options: argparse.Namespace, layout: Layout, out: Path) -> None:
         actions = None if options.actions is None else inputs.read_actions(options.actions)
-        parts = None if options.parts is None else inputs.read_parts(options.parts)
+        stated = options.parts is not None or options.bearing is not None
+        parts = parts_of_options(options) if stated else None
         self._reports = Reports(read_settings(options.model, actions, parts), out)
         self._layout, self._unit, self._time = layout, options.unit, options.time
 

@@ -13,6 +13,7 @@ from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
 from emacm._checks import check_number
+from emacm.commands.find import parts_of_options
 from emacm.commands.score import set_costs
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import groups_options
@@ -21,7 +22,7 @@ from emacm.evaluation.results import as_texts
 from emacm.files.folder import RecordingFolder
 from emacm.files.layout import Layout
 from emacm.models.model_files import save_model
-from emacm.models.recipes import actuator_recipe
+from emacm.models.recipes import actuator_recipe, bearing_recipe
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.meta import read_meta
@@ -49,7 +50,13 @@ def run(options: argparse.Namespace) -> int:
     groups = read_meta(recordings, options.groups, role="--groups")
     healthy = healthy_label(labels, options.healthy, "--healthy")
     max_order, revolutions = extent(recordings, options)
-    model = _model(options.recipe, max_order, revolutions, options.min_speed)
+    if options.recipe == "bearing":
+        parts = parts_of_options(options)
+        model = bearing_recipe(
+            parts, revolutions=revolutions, min_speed=options.min_speed, classifier=_classifier()
+        )
+    else:
+        model = _model(options.recipe, max_order, revolutions, options.min_speed)
     set_costs(model, options.cost, options.priors)
     print(
         f"{len(recordings)} recordings, {len(set(groups))} groups ({options.groups}); "
@@ -90,9 +97,12 @@ def _model(recipe: str, max_order: float, revolutions: float, min_speed: float) 
     """Return the unfitted pipeline of a recipe."""
     if recipe == "actuator":
         return actuator_recipe(max_order=max_order, revolutions=revolutions, min_speed=min_speed)
+    return make_pipeline(*order_levels(max_order, revolutions, min_speed), _classifier())
+
+
+def _classifier() -> CostSensitiveGaussianBayes:
     unknown: dict[str, Any] = {"unknown": "unknown", "unknown_rate": 0.02, "temperature": "groups"}
-    bayes = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", **unknown)
-    return make_pipeline(*order_levels(max_order, revolutions, min_speed), bayes)
+    return CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", **unknown)
 
 
 def order_levels(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
-from math import asin, atan, cos, pi
+from math import asin, atan, cos, pi, radians
 
 from emacm._checks import check_choice, check_count, check_number
 from emacm.machine.parts import Line, Part, check_mounting
@@ -213,3 +213,54 @@ def _check_rolling(part: Bearing | BallScrew) -> None:
             f"Convert degrees by math.radians({angle:g})."
         )
     check_mounting(part)
+
+
+# Number of rolling elements, their diameter, pitch diameter (one unit of length), contact angle
+# [degrees]; as published with the recordings of public test rigs. The geometry of a designation
+# differs by some percent between makers.
+_PUBLISHED = {
+    "6203": (8, 6.746, 28.499, 0.0),  # CWRU, fan end
+    "6205": (9, 7.94, 39.04, 0.0),  # CWRU, drive end
+    "UC204": (8, 7.938, 33.5, 0.0),  # UESTC, from its lines
+    "UER204": (8, 7.92, 34.55, 0.0),  # XJTU-SY
+    "6804": (13, 3.5, 25.6, 0.0),  # PRONOSTIA
+    "ZA-2115": (16, 0.331, 2.815, 15.17),  # IMS
+    "NICE": (8, 0.235, 1.245, 0.0),  # MFPT
+}
+
+
+def bearing_of(text: str) -> Bearing:
+    """Return a bearing from its designation, or from numbers separated by commas.
+
+    Parameters
+    ----------
+    text : str
+        A designation of a small table, or the number of balls, ball diameter, pitch diameter, and
+        contact angle [degrees], 0 if it is left out.
+
+    Returns
+    -------
+    Bearing
+
+    Raises
+    ------
+    ValueError
+        If it is neither; the message lists the designations.
+
+    Examples
+    --------
+    >>> bearing_of("6205") == bearing_of("9,7.94,39.04")
+    True
+    """
+    try:
+        numbers = _PUBLISHED.get(text.upper()) or tuple(map(float, text.split(",")))
+        n_balls, ball, pitch, *angle = numbers
+        (degrees_,) = angle or (0.0,)
+        if n_balls != int(n_balls):
+            raise ValueError
+    except ValueError:
+        raise ValueError(
+            f"the bearing must be one of {', '.join(_PUBLISHED)}, or as in 9,7.94,39.04 (balls, "
+            f"ball diameter, pitch diameter, and contact angle in degrees); got {text!r}."
+        ) from None
+    return Bearing(int(n_balls), ball, pitch, radians(degrees_))

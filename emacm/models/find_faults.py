@@ -114,7 +114,7 @@ def find_faults(
         1, the fault with the highest score is always named, and no threshold applies.
     channels : sequence of str, optional
         Channels, in this order. Default: all.
-    healthy : list of Recording, or table, optional
+    healthy : list of Recording, or table, or result of `healthy_scores`, optional
         The same machine without faults, measured in the same way. Healthy machines have lines
         too: a fault is then named if it is 3 dB above its highest healthy score, whatever it is.
 
@@ -153,9 +153,10 @@ def find_faults(
 
     If the strongest fault is rejected, no other one is named. A further fault is named by lines
     that those before it do not explain, in a spectrum of up to 100 revolutions: harmonics of those,
-    and their sidebands at three multiples of shaft and cage. At least two such lines must be 9 dB
-    above a background of 12 spectral lines on either side. Lines that coincide name nothing: the
-    faults of bearings with orders near whole numbers are often told apart incompletely.
+    and their sidebands at three multiples of shaft and cage. At least two such lines (and the
+    lowest order, unless it is explained) must be 9 dB above a background of 12 spectral lines on
+    either side. Lines that coincide name nothing: the faults of bearings with orders near whole
+    numbers are often told apart incompletely.
 
     A channel that is constant, clipped or has drop-outs is not assessed. Nor is a recording in
     which lines within 10 % of the predicted orders, but outside of `slip`, would be named, and are
@@ -195,23 +196,42 @@ def find_faults(
             f"simulated backgrounds resolve for {len(series)} faults. Raise it, or leave parts out."
         )
     options: dict[str, Any] = {"harmonics": harmonics, "slip": slip, "channels": channels}
-    highest: dict[str, list[float]] = {}  # healthy scores by channel
-    if healthy is not None:
+    highest = healthy
+    if healthy is not None and not isinstance(healthy, Mapping):
         if are_recordings(healthy):
             check_rates(X, common_rates(healthy))
-        with located("healthy"):
-            for measured in _measured(healthy, parts, series, **options):
-                scores = [fault.score for fault in measured.spectrum.faults()]
-                before = highest.get(measured.channel, [0.0] * len(scores))
-                highest[measured.channel] = list(map(max, scores, before))
+        highest = healthy_scores(healthy, parts, **options)
     rows = []
     for measured in _measured(X, parts, series, **options):
-        if healthy is not None:
+        if highest is not None:
             check_channel_names(list(highest), [measured.channel], "healthy")
-        found = _Finding.of(measured, highest.get(measured.channel), false_alarm)
+        limits = None if highest is None else highest[measured.channel]
+        found = _Finding.of(measured, limits, false_alarm)
         row = {"recording": measured.number, "channel": measured.channel} | found.columns()
         rows.append(row | {"calibrated": healthy is not None, "explanation": found.text})
     return pd.DataFrame(rows)
+
+
+def healthy_scores(
+    healthy: Any,
+    parts: Any,
+    *,
+    harmonics: int = 3,
+    slip: float = 0.02,
+    channels: Sequence[str] | None = None,
+) -> dict[str, list[float]]:
+    """Return the highest score of each fault in healthy recordings, not below 0 dB, by channel.
+
+    `find_faults` takes the result as `healthy`, so that many recordings can be judged one by one.
+    """
+    series, highest = fault_series(parts, harmonics), dict[str, list[float]]()
+    options: dict[str, Any] = {"harmonics": harmonics, "slip": slip, "channels": channels}
+    with located("healthy"):
+        for measured in _measured(healthy, parts, series, **options):
+            scores = [fault.score for fault in measured.spectrum.faults()]
+            before = highest.get(measured.channel, [0.0] * len(scores))
+            highest[measured.channel] = list(map(max, scores, before))
+    return highest
 
 
 class _Fault(NamedTuple):
@@ -224,6 +244,7 @@ class _Fault(NamedTuple):
     heights: list[float]
     depth: float
     sidebands: dict[str, float]
+    first: float
 
     @property
     def is_single(self) -> bool:
@@ -272,7 +293,9 @@ class _Spectrum(NamedTuple):
         mean = self.mean or np.nan  # of a dead channel
         depths = [self.lines.amplitude(self.psd, *each) / mean for each in at]
         sides = [self.lines.sidebands(self.psd, *each) for each in at]
-        return list(map(_Fault, self.lines.series, scores[0], p[0], slips[0], own, depths, sides))
+        first = [each[0][0] for each in heights]
+        columns = self.lines.series, scores[0], p[0], slips[0], own, depths, sides, first
+        return list(map(_Fault, *columns))
 
     def further(self, named: Sequence[str], false_alarm: float) -> _Fault | None:
         """Return the strongest fault that has lines which those named do not explain."""
@@ -292,6 +315,7 @@ class _Spectrum(NamedTuple):
             and not fault.modulated(faults)
             and fault.p <= false_alarm / len(faults)
             and sorted(fault.heights)[-2:][0] >= SETTINGS.further
+            and not fault.first < SETTINGS.further  # it is NaN where it is explained
             and np.mean(fault.heights) >= least
             and not fault.is_single
         ]

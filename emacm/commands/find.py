@@ -1,0 +1,127 @@
+"""The command ``emacm find``: faults of bearings and gears named from the geometry of a machine."""
+
+from __future__ import annotations
+
+import argparse
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from emacm.commands.inspect import contents_of, draft_layout
+from emacm.commands.parsers import expanded
+from emacm.files.folder import open_recording
+from emacm.files.layout import Layout
+from emacm.machine.rolling import bearing_of
+from emacm.models.find_faults import find_faults, healthy_scores
+from emacm.recordings.names import printable
+from emacm.reports.inputs import read_parts
+
+FOUND, FAILED = 1, 3  # exit status: a fault is named; files without an answer
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print what is found in each file and channel, and return the exit status.
+
+    Returns
+    -------
+    int
+        0; 1 if a fault is named; 3 if there is no answer for some of the files.
+    """
+    parts, paths = parts_of_options(options), expanded(options.paths)
+    layout = layout_of_options(options, paths[0])
+    healthy = None
+    if options.healthy is not None:
+        known = [open_recording(path, layout) for path in expanded([options.healthy])]
+        healthy = healthy_scores(known, parts)
+    rows: list[dict[str, Any]] = []
+    for path in paths:
+        found = _rows(path, layout, parts, healthy)
+        rows += found
+        for row in found:
+            suspected = f" (suspected: {row['suspected']})" if row["suspected"] != "none" else ""
+            print(f"{row['recording']}, {row['channel']}: {row['named']}{suspected}")
+            print(f"    {row['explanation']}")
+    table = pd.DataFrame(rows)
+    if options.out is not None:
+        table.to_csv(options.out, index=False)
+        print(f"Table: {options.out}")
+    if options.plot is not None:
+        _draw(table, layout, parts, options.plot)
+    is_missing = table["named"].isin(["not assessed", "failed"])
+    if (~is_missing & (table["named"] != "none")).any():
+        return FOUND
+    return FAILED if is_missing.any() else 0
+
+
+def parts_of_options(options: argparse.Namespace) -> list[Any]:
+    """Return the parts of the machine that --bearing and --parts state.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    parts = [bearing_of(options.bearing)] if options.bearing else []
+    parts += read_parts(options.parts) if options.parts else []
+    if not parts:
+        raise ValueError(
+            "the parts of the machine are not known: give --bearing 6205, or its geometry as "
+            "--bearing 9,7.94,39.04, or --parts FILE."
+        )
+    return parts
+
+
+def layout_of_options(options: argparse.Namespace, path: Path) -> Layout:
+    """Return the layout of --layout, or that of a draft which leaves nothing open.
+
+    Raises
+    ------
+    ValueError
+        If a file does not state what is needed; the message lists it.
+    """
+    if options.layout is not None:
+        return Layout.from_toml(options.layout)
+    contents = contents_of(path)
+    drafted = tomllib.loads(draft_layout(contents, path))
+    remarks = contents.remarks
+    if options.speed is not None:
+        drafted = {name: value for name, value in drafted.items() if name not in ("angle", "tacho")}
+        drafted["velocity"] = f"{options.speed:g} rpm"
+        remarks = [text for text in remarks if not text.startswith(("velocity", "the unit of"))]
+    if remarks:
+        raise ValueError(
+            f"{printable(path)} does not state everything: {'; '.join(remarks)}. Give --speed in "
+            f"rpm if only the speed is missing, or write a layout: emacm inspect "
+            f"{printable(path)} --draft layout.toml, and give --layout layout.toml."
+        )
+    return Layout(**drafted)
+
+
+def _rows(path: Path, layout: Layout, parts: list[Any], healthy: Any) -> list[dict[str, Any]]:
+    """Return the rows of the channels of a file, or one that states why there is none."""
+    name = printable(path)
+    try:
+        found = find_faults([open_recording(path, layout)], parts, healthy=healthy)
+    except (ImportError, OSError, TypeError, ValueError) as error:
+        text = {"channel": "", "named": "failed", "suspected": "none", "explanation": str(error)}
+        return [{"recording": name} | text]
+    return found.assign(recording=name).to_dict("records")
+
+
+def _draw(table: pd.DataFrame, layout: Layout, parts: list[Any], folder: Path) -> None:
+    """Draw the spectrum of each channel in which a fault is named or suspected."""
+    from emacm.displays import FaultLinesDisplay
+    from emacm.displays._drawing import pyplot
+
+    folder.mkdir(parents=True, exist_ok=True)
+    is_found = (table[["named", "suspected"]] != "none").any(axis=1)
+    for number, row in table[is_found & (table["named"] != "failed")].iterrows():
+        recording = open_recording(row["recording"], layout)
+        display = FaultLinesDisplay.from_recording(recording, parts, channel=row["channel"])
+        stem = Path(row["recording"]).stem
+        display.figure_.suptitle(f"{row['recording']}: {row['named']}")
+        display.figure_.savefig(folder / f"{number:03d}_{stem}_{row['channel']}.png")
+        pyplot().close(display.figure_)
+    print(f"Pictures: {folder}")

@@ -1,0 +1,85 @@
+"""The command find: faults named from the geometry of a machine, in files without a layout."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from emacm.__main__ import main
+
+FS = 10_000
+ORDERS = {"outer": 3.5848, "inner": 5.4152}  # 6205
+
+
+def pump(state, seed):
+    """Time, vibration and speed of a pump at 16 to 24 rev/s with ripple, 4 s."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(4 * FS) / FS
+    speed = 2 * np.pi * (rng.uniform(16, 24) + np.sin(2.5 * t))
+    angle = np.cumsum(speed) / FS
+    x = rng.normal(size=len(t)) + 1.5 * np.sin(angle)
+    if state in ORDERS:
+        turns = ORDERS[state] * 0.993 * angle / (2 * np.pi)
+        turns += 0.001 * np.cumsum(rng.normal(size=len(t)))  # slip varies
+        hits = np.diff(np.floor(turns), prepend=0) * (1 + 0.8 * np.cos(angle) * (state == "inner"))
+        ring = np.exp(-np.arange(80) / 14) * np.sin(1.82 * np.arange(80))
+        x += 8 * np.convolve(hits, ring)[: len(t)]
+    return np.column_stack([t, x, 30 / np.pi * speed])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("pump")
+    for number, state in enumerate(["healthy", "healthy", "outer", "inner"]):
+        part = made / ("healthy" if state == "healthy" else "new")
+        part.mkdir(exist_ok=True)
+        names = {"header": "time,vibration,speed [rpm]", "comments": "", "delimiter": ","}
+        np.savetxt(part / f"P{number}_{state}.csv", pump(state, number), **names)
+    return made
+
+
+@pytest.fixture
+def here(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def test_rings_are_named_in_files_without_a_layout(here, capsys):
+    options = ["--bearing", "6205", "--out", "found.csv", "--plot", "pictures"]
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
+    assert main(["find", "new", *options]) == 1
+    table = pd.read_csv("found.csv")
+    assert table["named"].tolist() == ["BPFO", "BPFI"]
+    assert "P2_outer.csv, vibration: BPFO\n    BPFO and its harmonics" in capsys.readouterr().out
+    assert len(list((here / "pictures").iterdir())) == 2
+
+
+def test_healthy_files_end_with_status_0(here):
+    assert main(["find", "healthy", "--bearing", "9,7.94,39.04"]) == 0
+    assert main(["find", "healthy", "--bearing", "6205", "--healthy", "healthy"]) == 0
+
+
+def test_a_file_that_fails_has_a_row_and_status_3(here, capsys):
+    (here / "short.csv").write_text("time,vibration,speed [rpm]\n0,1,1500\n0.001,2,1500\n")
+    assert main(["find", "short.csv", "--bearing", "6205"]) == 3
+    assert "short.csv, : failed" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["new"], "give --bearing 6205"),
+        (["new", "--bearing", "62O5"], "6203, 6205"),
+        (["no shaft.csv", "--bearing", "6205"], "Give --speed in rpm"),
+    ],
+)
+def test_what_is_missing_is_stated(here, capsys, options, message):
+    (here / "no shaft.csv").write_text("time,vibration\n0,1\n0.001,2\n0.002,3\n")
+    assert main(["find", *options]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_speed_replaces_the_shaft_of_the_files(here):
+    pd.DataFrame(pump("outer", 5)[:, :2], columns=["time", "vibration"]).to_csv(
+        "bare.csv", index=False
+    )
+    assert main(["find", "bare.csv", "--bearing", "6205", "--speed", "1200"]) != 2
