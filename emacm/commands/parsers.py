@@ -178,6 +178,7 @@ def _trend(command: Add) -> None:
     add("--results", type=Path, metavar="TABLE", help=results)
     add("--state", metavar="LABEL", help="healthy state in TABLE; default: healthy or normal")
     add("--unit", metavar="KEY", help="key of meta with the unit")
+    _add_parts(add)
     _add_time(add)
     rate = "probability that a healthy recording exceeds the limit (default: 0.05)"
     add("--false-alarm", type=float, default=0.05, metavar="P", help=rate)

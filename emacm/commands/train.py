@@ -58,9 +58,10 @@ def run(options: argparse.Namespace) -> int:
     else:
         model = _model(options.recipe, max_order, revolutions, options.min_speed)
     set_costs(model, options.cost, options.priors)
+    orders = "" if options.recipe == "bearing" else f"orders up to {max_order:g}, "
     print(
         f"{len(recordings)} recordings, {len(set(groups))} groups ({options.groups}); "
-        f"{options.recipe}: orders up to {max_order:g}, segments of {revolutions:g} revolutions"
+        f"{options.recipe}: {orders}segments of {revolutions:g} revolutions"
     )
     print(pd.Series(labels).value_counts().sort_index().to_string())
     with parallel_config(n_jobs=options.jobs):

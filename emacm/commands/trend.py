@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from contextlib import nullcontext
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,10 +14,12 @@ from sklearn.pipeline import make_pipeline
 from emacm._checks import check_number, located
 from emacm._saved import written_whole
 from emacm.alarms.health_index import HealthIndex, health_trend
+from emacm.commands.find import parts_of_options
 from emacm.commands.parsers import expanded
 from emacm.commands.train import extent, order_levels
 from emacm.files.folder import RecordingFolder, open_recording
 from emacm.files.layout import Layout
+from emacm.models.recipes import bearing_recipe
 from emacm.recordings.meta import read_meta
 from emacm.recordings.names import printable
 from emacm.reports.facts import healthy_label
@@ -68,8 +71,13 @@ def _from_files(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
     groups = read_meta(healthy, options.groups, role="--groups")
     units = None if options.unit is None else read_meta(healthy, options.unit, role="--unit")
     new_units, times = units_and_times(paths, layout, options.unit, options.time)
-    steps = order_levels(*extent(healthy, options), options.min_speed)
-    model = make_pipeline(*steps, HealthIndex(options.false_alarm))
+    max_order, revolutions = extent(healthy, options)
+    if options.bearing or options.parts:
+        parts, speed = parts_of_options(options), options.min_speed
+        features: Any = bearing_recipe(parts, revolutions=revolutions, min_speed=speed)
+    else:
+        features = make_pipeline(*order_levels(max_order, revolutions, options.min_speed))
+    model = make_pipeline(*(step for _, step in features.steps), HealthIndex(options.false_alarm))
     model.fit(healthy, healthindex__groups=groups, healthindex__units=units)
     recordings = [open_recording(path, layout) for path in paths]
     return health_trend(model, recordings, unit=new_units, time=times)

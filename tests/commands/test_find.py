@@ -83,3 +83,39 @@ def test_a_speed_replaces_the_shaft_of_the_files(here):
         "bare.csv", index=False
     )
     assert main(["find", "bare.csv", "--bearing", "6205", "--speed", "1200"]) != 2
+
+
+@pytest.fixture(scope="module")
+def fleet(folder):
+    (folder / "layout.toml").write_text(
+        'channels = ["vibration"]\nvelocity = "speed [rpm]"\nmeta = "{unit}_{state}"\n'
+    )
+    (folder / "fleet").mkdir()
+    (folder / "known").mkdir()
+    for number in range(12):
+        state = ("healthy", "outer", "inner")[number % 3]
+        part = folder / ("known" if state == "healthy" or number > 5 else "fleet")
+        columns = {"header": "time,vibration,speed [rpm]", "comments": "", "delimiter": ","}
+        np.savetxt(part / f"P{number}_{state}.csv", pump(state, 50 + number), **columns)
+    return folder
+
+
+def test_the_trend_follows_the_lines_of_the_bearing(fleet, monkeypatch):
+    monkeypatch.chdir(fleet)
+    (fleet / "well").mkdir()
+    for path in (fleet / "known").glob("*healthy*"):
+        (fleet / "well" / path.name).write_bytes(path.read_bytes())
+    rate = ["--false-alarm", "0.2", "--fail-on-alarm", "--out", "trend.csv"]
+    layout = ["--layout", "layout.toml", "--groups", "unit", "--unit", "unit"]
+    assert main(["trend", "well", "fleet", *layout, *rate, "--bearing", "6205"]) == 1
+    assert pd.read_csv("trend.csv")["alarm"].all()
+
+
+def test_a_classifier_is_trained_on_the_lines_of_the_bearing(fleet, monkeypatch, capsys):
+    pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
+    monkeypatch.chdir(fleet)
+    options = ["--labels", "state", "--groups", "unit", "--recipe", "bearing", "--out", "m.skops"]
+    assert main(["train", "layout.toml", "known", *options, "--bearing", "6205"]) == 0
+    assert main(["score", "m.skops", "fleet", "--layout", "layout.toml"]) == 0
+    rows = capsys.readouterr().out.splitlines()[-4:]
+    assert all(row.split(",")[1] in row.split(",")[0] for row in rows), rows
