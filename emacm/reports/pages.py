@@ -17,7 +17,8 @@ from emacm.decisions.pipelines import fitted_resamplers, parts_of, search_estima
 from emacm.displays._tables import envelopes_of
 from emacm.explanations.deviations import class_deviations
 from emacm.explanations.explain import explain_decision
-from emacm.machine.fault_lines import FaultLines
+from emacm.machine.fault_lines import FaultLines, fault_series
+from emacm.models.find_faults import find_faults
 from emacm.models.scoring import (
     measured_quality,
     parts_with_input,
@@ -27,8 +28,9 @@ from emacm.models.scoring import (
 from emacm.orders.bin_transformer import collected_statements
 from emacm.orders.columns import parse_order_columns
 from emacm.orders.order_psd import OrderPSD
+from emacm.recordings.names import unit_ratio
 from emacm.recordings.recording import Recording
-from emacm.reports.facts import Facts, recording_facts
+from emacm.reports.facts import Facts, channel_name, recording_facts
 from emacm.reports.raised import LEAST, SIGMAS, Findings, Row, Spectra, find_raised
 from emacm.reports.verdicts import Verdict, verdict_on
 
@@ -239,7 +241,10 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, verdict:
     except (TypeError, ValueError) as error:
         page.notes.append(f"Which orders are raised is not known: {error}")
         return
-    found = find_raised(table, str(reference), parts, page.spectra)
+    judged = lines_of_envelopes(page, parts, recording)
+    if verdict.kind == "fault":  # nothing is normal against the decision
+        judged = [fault.name for fault in fault_series(parts or {"": 1.0}, 1)]
+    found = find_raised(table, str(reference), parts, page.spectra, judged=judged)
     page.deviations, page.findings, page.reference = table, found, str(reference)
     page.rows = found.rows
     page.normal += found.normal
@@ -248,3 +253,24 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, verdict:
         f"Deviations are from the mean of the training recordings of {str(reference)!r}; those of "
         f"at least {LEAST:g} dB and {SIGMAS:g} standard deviations are listed."
     )
+
+
+def lines_of_envelopes(page: Page, parts: Any, recording: Recording) -> list[str]:
+    """State which lines `find_faults` finds in vibrations, and return the names of these faults."""
+    units = {name: recording.units.get(name) or "g" for name in recording.channels}
+    shaken = [n for n, u in units.items() if unit_ratio(u, "g") or unit_ratio(u, "m/s")]
+    if parts is None or not shaken or not any(fault.slips for fault in fault_series(parts, 1)):
+        return []
+    try:
+        found = find_faults([recording], parts, channels=shaken)
+    except (TypeError, ValueError) as error:
+        page.notes.append(f"Lines in the envelope were not looked for: {error}")
+        return []
+    names: list[str] = []
+    for row in found.itertuples():
+        own = [name for name in (row.named, row.suspected) if name != "none"]
+        if own:
+            text = f"{channel_name(row.channel)}, without training: {row.explanation}"
+            page.sentences.append(f"In the envelope of {text}.")
+            names += " + ".join(own).split(" + ")
+    return names

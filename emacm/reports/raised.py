@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -79,6 +79,7 @@ def find_raised(
     parts: Any = None,
     spectra: Spectra | None = None,
     *,
+    judged: Collection[str] = (),
     most: int = 8,
 ) -> Findings:
     """Find raised orders, and the components that predict them.
@@ -94,6 +95,8 @@ def find_raised(
     spectra : mapping of channels to (orders, power), optional
         Order spectra of the recording. A component is named only if its lines are above the local
         background there, which separates faults whose orders are in the same bin.
+    judged : collection of str
+        Names of faults of which more is known: they are not called normal.
     most : int
         Most rows.
 
@@ -112,7 +115,8 @@ def find_raised(
     names = list(dict.fromkeys(component.fault.name for component in hit))
     covered = {component.fault.name for component in known}
     missing = [_label(fault) for fault in series if fault.name not in covered]
-    quiet = [_label(fault) for fault in series if fault.name in covered.difference(names)]
+    silent = covered.difference(names, judged)
+    quiet = [_label(fault) for fault in series if fault.name in silent]
     gained = [row.channel for row in common]
     normal = stated((quiet, f"no series of raised lines of {listed(quiet, 'or')}"))
     normal += _normal_channels(table, reference, gained)
