@@ -72,6 +72,63 @@ class Evidence(NamedTuple):
     fastest: float
 
 
+class Comb(NamedTuple):
+    """The speed whose first orders are highest in the spectrum of a whole signal.
+
+    Attributes
+    ----------
+    speed : float
+        Speed, in the unit of the sampling rate.
+    level : float
+        Mean height of its lines over the background [dB], each limited.
+    margin : float
+        Difference of this level to that of any other speed [dB].
+    """
+
+    speed: float
+    level: float
+    margin: float
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether both are sufficient."""
+        return self.level >= SETTINGS.comb_level and self.margin >= SETTINGS.comb_margin
+
+
+def line_heights(signal: Array, fs: float, lowest: float, highest: float) -> tuple[Array, Array]:
+    """Return frequencies and heights [dB] of a spectrum over its median in half of `lowest`."""
+    n_fft = fft.next_fast_len(4 * len(signal), real=True)
+    power = np.abs(fft.rfft((signal - signal.mean()) * np.hanning(len(signal)), n_fft)) ** 2
+    levels = 10 * np.log10(power[: int(highest * n_fft / fs)] + 1e-30)
+    size = max(1, int(0.5 * lowest * n_fft / fs))
+    n_blocks = max(1, len(levels) // size)
+    blocks = np.array_split(levels, n_blocks)
+    centres = (np.arange(n_blocks) + 0.5) * len(levels) / n_blocks
+    bins = np.arange(len(levels))
+    background = np.interp(bins, centres, [np.median(block) for block in blocks])
+    return bins * fs / n_fft, np.clip(levels - background, 0, SETTINGS.comb_height)
+
+
+def find_comb(signal: Array, fs: float, speeds: tuple[float, float]) -> Comb:
+    """Return the speed whose first orders are highest, by their mean height in dB.
+
+    The spectrum is that of the whole signal, so the speed must be constant. In decibels, with
+    limited heights, no strong line decides alone.
+    """
+    orders = np.arange(1, SETTINGS.comb_orders + 1)
+    frequencies, heights = line_heights(signal, fs, speeds[0], (orders[-1] + 1) * speeds[1])
+    spacing = frequencies[1]
+    grid = np.arange(*speeds, spacing / (2 * orders[-1]))
+    levels = np.zeros(len(grid))
+    for order in orders:
+        bins = np.rint(order * grid / spacing).astype(np.intp)
+        levels += heights[np.minimum(bins, len(heights) - 1)] / len(orders)
+    best = int(levels.argmax())
+    others = np.abs(grid - grid[best]) > 2 * fs / len(signal)  # the main lobe of a Hann window
+    margin = levels[best] - levels[others].max(initial=0)
+    return Comb(float(grid[best]), float(levels[best]), float(margin))
+
+
 def whiten(signal: Array, fs: float, highest: float, smoothing: float) -> Whitened:
     """Flatten the background of a signal, remove lines of the mains, and reduce the rate.
 

@@ -62,6 +62,22 @@ class SpeedSearchSettings:
         estimated, and logarithms of power of which the scores are computed.
     speed_step : float
         Step of the grid of speeds, in bins at the highest order.
+    narrow : float
+        Highest over lowest speed, below which a comb of the first orders decides, and from which
+        it must confirm the speed.
+    comb_orders, comb_height : int, float
+        Orders of the comb, and height from which all lines count alike [dB].
+    comb_level, comb_margin : float
+        Mean height of the lines, and its difference to that of any other speed [dB].
+    fewest_bins : float
+        Bins of the whole signal that a comb needs, within a third of the lowest speed.
+    revolutions : float
+        Fewest revolutions in a wide range: in fewer, lines of a cage (0.40) and of a bearing (3.6)
+        look like multiples of a fraction of the speed.
+    near : (float, float)
+        Speeds near the one that was found, among which the comb must confirm it.
+    slower_line : float
+        Height of a line that may be the first order of a slower shaft [dB].
     rounds : int
         Rounds of refinement by phase.
     aside : float
@@ -129,6 +145,15 @@ class SpeedSearchSettings:
     n_knots: int = 129
     n_table: int = 1025
     speed_step: float = 0.5
+    narrow: float = 1.5
+    comb_orders: int = 6
+    comb_height: float = 30.0
+    comb_level: float = 14.0
+    comb_margin: float = 5.5
+    fewest_bins: float = 8.0
+    revolutions: float = 50.0
+    near: tuple[float, float] = (0.9, 1.1)
+    slower_line: float = 20.0
     rounds: int = 3
     aside: float = 0.41
     clear_phase: float = 4.0

@@ -224,7 +224,7 @@ def bearings():
     ],
 )
 def test_the_speed_of_a_real_motor_is_that_of_its_harmonics(bearings, name, rpm):
-    found = angle_from_vibration(bearings[name].ravel(), FS, speeds=(TURN * 20, TURN * 40))
+    found = angle_from_vibration(bearings[name].ravel(), FS, speeds=(TURN * 25, TURN * 35))
     assert found.confidence.fraction == 1
     assert found.velocity.mean() * 60 / TURN == pytest.approx(rpm, rel=5e-4)
 
