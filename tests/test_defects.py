@@ -316,6 +316,7 @@ def test_two_scores_do_not_write_to_one_table(scored, tmp_path):
     assert not (tmp_path / "rows.csv").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="such names are not possible")
 @pytest.mark.parametrize("table", [Path("../rows.csv"), Path("../rows.jsonl")])
 def test_files_of_any_name_have_rows_and_pages_of_their_own(scored, table):
@@ -358,6 +359,7 @@ def test_rows_of_slow_files_are_written_one_by_one(scored, monkeypatch):
     assert scored(".")[2] == [["a.csv"], ["b.csv"], ["c.csv"]]
 
 
+@pytest.mark.slow
 def test_pages_that_were_written_before_a_kill_are_kept(scored, monkeypatch):
     pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
     measure(*map("{}.csv".format, range(10, 19)))
