@@ -61,7 +61,7 @@ def main() -> None:
     cores = [n for n in (1, 2, 4, 8) if n <= (os.cpu_count() or 1)]
 
     # Content of their own, as recordings in memory have it.
-    recordings = [made(seconds, "noise")[0] for _ in range(16)]
+    recordings = [made(seconds, "noise")[0].recording() for _ in range(16)]
     print(header())
     rows = []
     for kernels in NAMES:
