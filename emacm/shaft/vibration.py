@@ -144,6 +144,9 @@ def angle_from_vibration(
     Of the CWRU recordings of the drive end and half of those of UESTC, on which this was chosen, 73
     of 82 had the right speed (within 0.5 %) in a range of ±10 %, 1 a wrong one; from 5 to 60 Hz 35
     and 1. Of the others (fan end, MFPT, other half) 73 of 81 and 1, and 49 and 0.
+    **In a wide range a bearing whose shaft has no clear lines of its own can still be taken for the
+    shaft**: of 150 simulated ones, 16 had the right speed, 25 a wrong one, and 109 were refused; in
+    a range of ±10 % 38, 8 and 104. State `speeds` as narrowly as they are known.
 
     Without `orders`, the first orders are assumed to have lines: for a shaft with lines at even
     orders only, twice the true speed is found, unless `speeds` excludes that. Two orders at least
