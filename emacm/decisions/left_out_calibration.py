@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, cast
@@ -26,7 +27,12 @@ from emacm.calibration.left_out import (
 )
 from emacm.decisions.pipelines import parameters_of_rows
 from emacm.decisions.truths import states_unknown, truth_priors
-from emacm.decisions.typicality import Typicality, positive, unknown_probability
+from emacm.decisions.typicality import (
+    Typicality,
+    evidence_for_unknown,
+    positive,
+    unknown_probability,
+)
 from emacm.recordings.meta import chosen_rows
 
 Array = NDArray[np.float64]
@@ -252,25 +258,29 @@ class LeftOutMixin:
         posterior, weight = np.exp(log_softmax(joint, axis=1)), left.weight[judged]
         units = np.unique(left.units[judged], return_inverse=True)[1]
         n_units = int(units.max()) + 1
-        model: Any = self  # its decisions and costs come from another base class
-        cost = model.cost_
-        without = (posterior @ cost[:, :-1].T).argmin(axis=1)
+        cost = cast(Any, self).cost_  # of another base class
+        # Without the unknown state a recording has the decision of least risk. Another one is
+        # cheaper where the odds of the unknown state exceed what it costs more if the state is
+        # known, over what it costs less if it is not.
+        risks = posterior @ cost[:, :-1].T
+        best = risks.argmin(axis=1)
+        more = risks - risks.min(axis=1, keepdims=True)
+        less = cost[best, -1][:, np.newaxis] - cost[:, -1]
+        odds = np.divide(more, less, out=np.full_like(more, np.inf), where=less > 0).min(axis=1)
+        odds /= evidence_for_unknown(left.typicality[judged])
+        order, total = np.argsort(odds), np.bincount(units, weight)
 
-        def rate(log_odds: float) -> float:
+        def rate(n_changed: int) -> float:
             """Return the share of changed decisions, and its standard error, added."""
-            probability = unknown_probability(left.typicality[judged], 1 / (1 + np.exp(-log_odds)))
-            known = (1 - probability)[:, np.newaxis] * posterior
-            risks = np.column_stack([known, probability]) @ cost.T
-            changed = weight * (risks.argmin(axis=1) != without)
-            shares = np.bincount(units, changed) / np.bincount(units, weight)
+            first = order[:n_changed]
+            shares = np.bincount(units[first], weight[first], n_units) / total
             error = shares.std(ddof=1) / np.sqrt(n_units) if n_units > 1 else 0.0
             return float(shares.mean() + error)
 
-        low, high = -40.0, 40.0  # log odds; the rate increases with them
-        for _ in range(40):
-            middle = (low + high) / 2
-            low, high = (middle, high) if rate(middle) <= self.unknown_rate else (low, middle)
-        return float(1 / (1 + np.exp(-low)))
+        n_changed = bisect_right(range(1, len(order) + 1), self.unknown_rate, key=rate)
+        limit = odds[order[n_changed]] * (1 - 1e-9) if n_changed < len(order) else np.inf
+        limit = np.clip(limit, np.exp(-40), np.exp(40))
+        return float(limit / (1 + limit))
 
     @property
     def temperature_(self) -> float:
@@ -379,16 +389,13 @@ class LeftOutMixin:
         typicality, classes = self._calibration.typicality, self.classes_.tolist()
         if not isinstance(typicality, Typicality):
             return [None] * len(decisions)
-        best = cast(Any, self).predict_proba(X).argmax(axis=1).tolist()
-        codes = [
-            classes.index(decision) if decision in classes else code
-            for code, decision in zip(best, decisions, strict=True)
-        ]
-        others = typicality.second_classes(self._checked_features(X), np.array(codes))
+        is_class = np.array([decision in classes for decision in decisions])
+        codes = np.array([classes.index(d) if d in classes else 0 for d in decisions], np.intp)
+        if not is_class.all():
+            codes = np.where(is_class, codes, cast(Any, self).predict_proba(X).argmax(axis=1))
+        others = typicality.second_classes(self._checked_features(X), codes)
         return [
-            None
-            if code < 0 or (decision not in classes and decision == self.unknown)
-            else classes[code]
+            None if code < 0 or decision == self.unknown else classes[code]
             for code, decision in zip(others, decisions, strict=True)
         ]
 
