@@ -30,7 +30,7 @@ class NamingSettings:
     """When a fault is named or suspected.
 
     Chosen by ``python benchmarks/bearings.py`` on the drive end of CWRU and on MFPT, and, for
-    several faults, on simulated bearings; the fan end and UESTC were not used.
+    several faults, on simulated bearings; `further` and `narrow` also after a look at UESTC.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class NamingSettings:
     depth: float = 0.04
     single_line: float = 12.0
     further: float = 9.0
-    weaker: float = 15
+    weaker: float = 15.0
     sidebands: float = 3.0
     speed_error: float = 0.1
     longest: int = 25
@@ -297,6 +297,16 @@ class _Spectrum(NamedTuple):
         columns = self.lines.series, scores[0], p[0], slips[0], own, depths, sides, first
         return list(map(_Fault, *columns))
 
+    def wide(self) -> _Spectrum | None:
+        """Return it with lines within the largest error of a speed, as far as it reaches."""
+        orders, widest = self.lines.orders, max(SETTINGS.speed_error, self.lines.slip)
+        top = orders[-2] / (1 + widest) - orders[1]
+        cut = [replace(s, orders=tuple(o for o in s.orders if o <= top)) for s in self.lines.series]
+        series = tuple(fault for fault in cut if len(fault.orders) > 1)
+        if not series:
+            return None
+        return self._replace(lines=_line_levels(tuple(orders.tolist()), series, widest))
+
     def further(self, named: Sequence[str], false_alarm: float) -> _Fault | None:
         """Return the strongest fault that has lines which those named do not explain."""
         faults = self.faults()
@@ -329,8 +339,8 @@ class _Measured(NamedTuple):
     ----------
     number, channel : int, str
         Row or recording, and channel.
-    spectrum, wide, fine : _Spectrum
-        With the lines within the slip; within the largest error of a speed; of long segments.
+    spectrum, fine : _Spectrum
+        Of segments for the average, and of long ones.
     rpm : float
         Speed [1/min]; NaN for a table.
     defect : str
@@ -340,7 +350,6 @@ class _Measured(NamedTuple):
     number: int
     channel: str
     spectrum: _Spectrum
-    wide: _Spectrum | None
     fine: _Spectrum
     rpm: float = np.nan
     defect: str = ""
@@ -369,7 +378,7 @@ class _Finding(NamedTuple):
             return cls(faults, best.series.name, NONE, best, _sentence(best, faults))
         reason = _reason(best, faults, healthy, false_alarm)
         margin = SETTINGS.suspected if reason else SETTINGS.named
-        error = None if healthy else _speed_error(measured.wide, faults, false_alarm)
+        error = None if healthy else _speed_error(measured.spectrum.wide(), faults, false_alarm)
         if error is not None and error.score >= best.score + margin:
             text = f"not assessed: {_speed_text(measured.rpm, error)}"
             return cls(faults, NOT_ASSESSED, error.series.name, error, text)
@@ -449,8 +458,10 @@ def _speed_text(rpm: float, fault: _Fault) -> str:
         f"{fault.series.name}, but {100 * abs(fault.slip):.1f} % {side} {order:.3f}"
     )
     rpm = rpm * (1 + fault.slip)
-    remedy = "" if np.isnan(rpm) else f": is the speed {rpm:.0f} rpm, or the rate wrong?"
-    return f"{text}{remedy} Otherwise correct the geometry, or raise slip."
+    if np.isnan(rpm):
+        return f"{text}. Correct the speed or the geometry, or raise slip."
+    remedy = "Otherwise correct the geometry, or raise slip."
+    return f"{text}: is the speed {rpm:.0f} rpm, or the sampling rate wrong? {remedy}"
 
 
 def _measured(
@@ -460,7 +471,7 @@ def _measured(
     slip, channels = options["slip"], options["channels"]
     if column_names(X) is not None:
         for number, channel, spectrum in _of_table(X, series, slip, channels):
-            yield _Measured(number, channel, spectrum, _wide(spectrum, slip), spectrum)
+            yield _Measured(number, channel, spectrum, spectrum)
         return
     top = highest_order(parts, options["harmonics"], slip)
     for index, recording in enumerate(as_recordings(X, "find_faults")):
@@ -482,7 +493,6 @@ def _measured(
                     index,
                     channel,
                     spectrum,
-                    _wide(spectrum, slip),
                     detailed,
                     speed * recording.shaft_fs * 30 / np.pi,
                     _defect(recording, channel),
@@ -536,16 +546,6 @@ def _of_table(
         psd = rows[number : number + 1, block.columns]
         lines = _line_levels(tuple(block.orders.tolist()), series, slip)
         yield number, channel, _Spectrum(lines, psd)
-
-
-def _wide(spectrum: _Spectrum, slip: float) -> _Spectrum | None:
-    """Return a spectrum with lines within the largest error of a speed, as far as it reaches."""
-    widest, orders = max(SETTINGS.speed_error, slip), spectrum.lines.orders
-    top = orders[-2] / (1 + widest) - orders[1]
-    cut = [replace(s, orders=tuple(o for o in s.orders if o <= top)) for s in spectrum.lines.series]
-    series = tuple(fault for fault in cut if len(fault.orders) > 1)
-    lines = _line_levels(tuple(orders.tolist()), series, widest) if series else None
-    return None if lines is None else spectrum._replace(lines=lines)
 
 
 @lru_cache(maxsize=32)
