@@ -4,6 +4,8 @@ References
 ----------
 .. [1] G. W. Brier, Verification of forecasts expressed in terms of probability, Monthly Weather
    Review 78(1), 1950.
+.. [2] E. R. DeLong, D. M. DeLong and D. L. Clarke-Pearson, Comparing the areas under two or more
+   correlated receiver operating characteristic curves, Biometrics 44(3), 1988: placement values.
 """
 
 from __future__ import annotations
@@ -14,9 +16,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
+from scipy.stats import rankdata
 
 from emacm.decisions.truths import label_array
-from emacm.evaluation.bootstrap import GroupBootstrap, Tally, gap_of_cells
+from emacm.evaluation.bootstrap import GroupBootstrap, Tally, gap_of_cells, probability_of_cells
 from emacm.evaluation.scoring import ScoringRule
 
 Array = NDArray[np.float64]
@@ -57,6 +60,8 @@ def tallies(judged: pd.DataFrame, rule: ScoringRule) -> dict[str, Tally]:
         confidence, called, bins = most_probable(probabilities, truths)
         found["realised_cost"] = _in_service(judged["cost"], judged["truth"], rule)
         found["predicted_cost"] = _in_service(judged["predicted_cost"], judged["truth"], rule)
+        values, cells = auroc_contributions(probabilities, truths)
+        found["macro_auroc"] = Tally(values, cells, probability_of_cells)
         found["log_loss"] = Tally(log_losses(probabilities, truths), one_cell)
         found["brier"] = Tally(brier_scores(probabilities, truths), one_cell)
         found["calibration_error"] = Tally(confidence - called, bins, gap_of_cells)
@@ -131,6 +136,51 @@ def codes_of(values: Any, labels: list[Any]) -> NDArray[np.intp]:
     """Return the index of each value among the labels."""
     place = {label: number for number, label in enumerate(labels)}
     return np.array([place[value] for value in values], np.intp)
+
+
+def auroc_contributions(
+    probabilities: ArrayLike, truths: ArrayLike
+) -> tuple[Array, NDArray[np.intp]]:
+    """Return what each recording contributes to the macro AUROC, one class against the rest.
+
+    The area under the receiver operating characteristic of a class is the frequency at which a
+    recording of this class has a higher probability of it than a recording of another class. A
+    recording contributes its own such frequencies (placement values [2]_) for all classes.
+
+    Parameters
+    ----------
+    probabilities : array-like of shape (n_recordings, n_classes)
+        Probability of each class.
+    truths : array-like of int of shape (n_recordings,)
+        Index of the true class. Classes without any recording are not scored.
+
+    Returns
+    -------
+    values : ndarray of shape (n_recordings,)
+        Their mean within each class, averaged over the classes, is the macro AUROC.
+    cells : ndarray of int of shape (n_recordings,)
+        The true class; -1 for all if there is one class only, which has no AUROC.
+
+    Examples
+    --------
+    >>> values, cells = auroc_contributions([[0.9, 0.1], [0.4, 0.6], [0.5, 0.5]], [0, 0, 1])
+    >>> Tally(values, cells).figure()
+    0.5
+    """
+    posterior, codes = np.asarray(probabilities, float), np.asarray(truths, np.intp)
+    present, sizes = np.unique(codes, return_counts=True)
+    values, n_rest = np.zeros(len(codes)), len(codes) - sizes
+    if len(present) < 2:
+        return values, np.full(len(codes), -1)
+    for label, size, others in zip(present, sizes, n_rest, strict=True):
+        scores, own = posterior[:, label], codes == label
+        above = np.empty(len(codes))
+        above[own] = (rankdata(scores)[own] - rankdata(scores[own])) / others
+        above[~own] = 1 - (rankdata(scores)[~own] - rankdata(scores[~own])) / size
+        # Both means are the AUROC, so one is taken off; the rest are a mean over several classes.
+        shares = np.bincount(codes)[codes] / others
+        values += np.where(own, above - above[own].mean(), above * shares)
+    return values, codes
 
 
 def log_losses(probabilities: ArrayLike, truths: ArrayLike) -> Array:

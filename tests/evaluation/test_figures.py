@@ -12,6 +12,7 @@ from emacm import CostSensitiveGaussianBayes
 from emacm.evaluation.bootstrap import GroupBootstrap, Tally
 from emacm.evaluation.evaluate import evaluate
 from emacm.evaluation.figures import (
+    auroc_contributions,
     brier_scores,
     confusion,
     log_losses,
@@ -185,6 +186,10 @@ def test_the_mean_logarithmic_loss_is_that_of_scikit_learn_and_an_impossible_tru
     assert ours == pytest.approx(log_loss(truths, probabilities), rel=1e-12)
     assert log_losses([[1.0, 0.0]], [1])[0] == pytest.approx(36.04, abs=0.01)
     assert not np.signbit(log_losses([[1 + 4e-16, 0.0]], [0]))  # rounded to above 1
+
+
+def test_one_class_alone_has_no_auroc():
+    assert (auroc_contributions(np.full((4, 2), 0.5), [1, 1, 1, 1])[1] == -1).all()
 
 
 def test_the_brier_score_of_a_uniform_posterior_is_one_minus_one_over_k():
