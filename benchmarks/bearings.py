@@ -93,6 +93,7 @@ def read_cwru(folder: Path, end: str, *, quick: bool) -> Runs:
             if place != end or (quick and rpm not in ("1797", "1750")):
                 continue
             meta = {"fault": FAULTS[kind.partition("@")[0]], "size": int(size)}
+            meta |= {"place": kind, "rpm": int(rpm)}
             velocity = 2 * np.pi * float(rpm) / 60
             signals = {CHANNEL: stored[key].ravel()}
             runs.append(Recording(signals, RATE, velocity=velocity, meta=meta))
