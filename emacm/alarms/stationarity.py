@@ -1,0 +1,195 @@
+"""Tests of a baseline: trend, and correlation of successive readings.
+
+References
+----------
+.. [1] Hamed and Rao, A modified Mann-Kendall trend test for autocorrelated data, Journal of
+   Hydrology 204, 182-196, 1998. Here the autocorrelation is that of a process of first order.
+.. [2] Wald and Wolfowitz, An exact test for randomness in the non-parametric case based on serial
+   correlation, Annals of Mathematical Statistics 14, 378-388, 1943. Here of several columns.
+.. [3] Kendall, Note on bias in the estimation of autocorrelation, Biometrika 41, 403-404, 1954.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.stats import kendalltau, norm, rankdata
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BaselineTests:
+    """Settings of the tests of a baseline.
+
+    Parameters
+    ----------
+    level : float
+        Share of sound baselines that are called not stationary, all tests together.
+    fewest : int
+        With fewer readings or groups there is no test.
+    least_correlation : float
+        Smaller correlations of successive readings are not stated, as they hardly change the
+        alarm rate: at 0.2, simulated indices exceed limits of 5 % in 5 to 7 % of cases.
+    n_permutations : int
+        Number of random orders of the readings.
+    """
+
+    level: float = 0.01
+    fewest: int = 10
+    least_correlation: float = 0.2
+    n_permutations: int = 999
+
+
+def trend_probability(series: Array, parts: NDArray[np.intp], *, largest: float = 0.98) -> float:
+    """Return the p-value of the modified Mann-Kendall test for a common trend [1]_.
+
+    Parameters
+    ----------
+    series : ndarray of shape (n_readings,)
+        In the order in which they were taken within each part.
+    parts : ndarray of int, shape (n_readings,)
+        Number of the part (unit, run) of each reading. Parts of less than 4 readings do not count.
+    largest : float
+        Limit of the correlation of successive readings, which is estimated after a linear trend
+        has been removed, with the correction of its bias [3]_.
+
+    Returns
+    -------
+    float
+        Of readings without a trend, this share has a smaller value. 1 without readings.
+
+    Notes
+    -----
+    Of 1,000 simulated autoregressive series without trend, the share with p < 0.01 is, for
+    correlations of successive readings of 0, 0.3, 0.6 and 0.8,
+
+    - 20 readings: 0.004, 0.030, 0.044 and 0.096;
+    - 60 readings: 0.005, 0.023, 0.028 and 0.035;
+    - 200 readings: 0.010, 0.014, 0.012 and 0.021.
+
+    The correlation of few readings is uncertain, and slow wandering cannot be told from a trend. A
+    linear drift of 4 standard deviations is found in 95, 61 and 100, 89 % of series (20 readings
+    with correlations of 0 and 0.6, and 60), one of 2 in 32, 21 and 94, 35 %; a run-in of 4 that
+    decays by exp(-4) in 63, 38 and 100, 61 %.
+
+    Examples
+    --------
+    >>> one = np.zeros(20, dtype=int)
+    >>> noise = np.random.default_rng(0).normal(size=20)
+    >>> [round(trend_probability(noise + x * np.arange(20), one), 3) for x in (0.0, 0.2)]
+    [0.604, 0.002]
+    """
+    runs = [series[parts == k] for k in np.unique(parts)]
+    runs = [run for run in runs if len(run) >= 4 and np.ptp(run) > 0]
+    if not runs:
+        return 1.0
+    lengths = np.array([len(run) for run in runs])
+    products = power = score = 0.0
+    for run in runs:
+        times = np.arange(len(run))
+        ranks = rankdata(run)
+        ranks -= np.polyval(np.polyfit(times, ranks, 1), times)
+        products, power = products + ranks[1:] @ ranks[:-1], power + ranks @ ranks
+        score += kendalltau(times, run).statistic * len(run) * (len(run) - 1) / 2
+    raw = products / power if power > 0 else 0.0
+    correlation = np.clip(raw + (1 + 4 * raw) / lengths.mean(), 0, largest)
+    variance = sum(_variance(n, correlation) for n in lengths)
+    return float(2 * norm.sf(abs(score) / np.sqrt(variance)))
+
+
+def _variance(n: int, correlation: float) -> float:
+    """Return the variance of Kendall's score of an autoregressive series, equation (14) of [1]."""
+    lags = np.arange(1, n)
+    weights = (n - lags) * (n - lags - 1) * (n - lags - 2)
+    factor = 1 + 2 / (n * (n - 1) * (n - 2)) * np.sum(weights * correlation**lags)
+    return float(factor * n * (n - 1) * (2 * n + 5) / 18)
+
+
+def serial_correlation(
+    rows: Array, parts: NDArray[np.intp], n_permutations: int = 999
+) -> tuple[float, float]:
+    """Return the correlation of successive rows, over all columns, and its p-value [2]_.
+
+    Parameters
+    ----------
+    rows : ndarray of shape (n_readings, n_columns)
+        In the order in which they were taken within each part; columns in comparable units.
+    parts : ndarray of int, shape (n_readings,)
+        Number of the part (unit, run) of each reading, in increasing order.
+    n_permutations : int
+        Number of random orders within the parts.
+
+    Returns
+    -------
+    correlation : float
+        Of successive rows, from the means of the parts, with the correction of its bias [3]_.
+    probability : float
+        Share of the orders with a larger one: exact for rows that are exchangeable in each part.
+
+    Examples
+    --------
+    >>> rows = np.repeat(np.random.default_rng(0).normal(size=(10, 3)), 2, axis=0)
+    >>> correlation, probability = serial_correlation(rows, np.zeros(20, dtype=int))
+    >>> round(correlation, 1), probability
+    (0.7, 0.001)
+    """
+    centred = _centred(rows, parts)
+    follows = (parts[1:] == parts[:-1])[:, np.newaxis]
+
+    def sum_of_products(order: NDArray[np.intp]) -> float:
+        moved = centred[order]
+        return float(np.sum(moved[1:] * moved[:-1] * follows))
+
+    rng, n_rows = np.random.default_rng(0), len(rows)
+    observed = sum_of_products(np.arange(n_rows))
+    n_larger = sum(
+        sum_of_products(np.lexsort((rng.random(n_rows), parts))) >= observed
+        for _ in range(n_permutations)
+    )
+    raw = observed / np.sum(centred**2)
+    correlation = raw + (1 + 3 * raw) / (n_rows / len(np.unique(parts)))
+    return float(correlation), (1 + n_larger) / (1 + n_permutations)
+
+
+def _centred(rows: Array, parts: NDArray[np.intp]) -> Array:
+    """Return the deviations from the mean of each part."""
+    table = pd.DataFrame(rows)
+    return (table - table.groupby(parts).transform("mean")).to_numpy()
+
+
+def instability(
+    features: Array, parts: NDArray[np.intp], tests: BaselineTests = BaselineTests()
+) -> str:
+    """Say why healthy rows are not exchangeable; an empty string if nothing contradicts it.
+
+    Parameters
+    ----------
+    features : ndarray of shape (n_readings, n_features)
+        In the order in which they were taken within each part.
+    parts : ndarray of int, shape (n_readings,)
+        Number of the part (unit) of each reading, in increasing order.
+    tests : BaselineTests
+        Level and size of the tests.
+
+    Returns
+    -------
+    str
+    """
+    if len(parts) < tests.fewest:
+        return ""
+    deviations = _centred(features, parts)
+    scale = deviations.std(axis=0)
+    scale[scale <= 1e-12 * np.abs(features).max(axis=0)] = np.inf
+    standardised = deviations / scale
+    leading = np.linalg.svd(standardised, full_matrices=False)[0][:, 0]
+    trend = trend_probability(leading, parts)
+    if trend < tests.level / 2:
+        return f"the features drift (Mann-Kendall test of their leading component, p = {trend:.2g})"
+    correlation, probability = serial_correlation(standardised, parts, tests.n_permutations)
+    if probability <= tests.level / 2 and correlation >= tests.least_correlation:
+        return f"successive groups are alike (correlation {correlation:.2f}, p = {probability:.2g})"
+    return ""
