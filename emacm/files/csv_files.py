@@ -24,6 +24,7 @@ _EXACT: dict[str, Any] = (  # from pandas 3 on, numbers are read exactly by defa
     {"float_precision": "round_trip"} if int(pd.__version__.partition(".")[0]) < 3 else {}
 )
 _BLANK = "\0"  # begins the names of blank columns at the right, which no header can have
+_DATE = re.compile(r"\d{4}-\d\d?-\d\d?\b|\d\d?\.\d\d?\.\d{4}\b|\d\d?:\d\d:\d\d")  # at its start
 _QUOTED = re.compile(r'"\s*[+-]?\d+,\d+\s*"')  # a number with a decimal comma
 _STATED = re.compile(  # as "Sampling rate: 2000 Hz", or "fs;2000;Hz"; *+: in linear time
     r"[#%\s]*+([^\W\d][^:=;,\t]*+)[:=;,\t][:=\s]*+([+-]?\d+(?:\.\d+)?)[;,\s]*+"
@@ -230,7 +231,7 @@ def _is_number(text: str, *, comma: bool) -> bool:
     try:
         float(text.replace(",", ".") if comma else text)
     except ValueError:
-        return bool(re.match(r"\d{4}-\d\d-\d\d[T ]", text))  # nor is a date a name
+        return bool(_DATE.match(text))  # nor is a date a name
     return True
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from emacm._checks import check_signal
 from emacm.files.layout import Layout, constant_speed
-from emacm.files.sample_times import rate_of_times, seconds_of
+from emacm.files.sample_times import dates_of, rate_of_times, seconds_of
 from emacm.recordings.names import is_shaft_name, is_time_name, same_unit, split_unit, unit_factor
 from emacm.shaft.tacho import angle_from_tacho
 
@@ -42,6 +42,8 @@ class FileColumns:
         Single numbers by name.
     ignored : dict of str to str
         What is in the file but no column, with the reason.
+    start : Timestamp or None
+        When the recording started, if the file states it other than by a column of times.
     """
 
     columns: dict[str, NDArray[Any]] = field(default_factory=dict)
@@ -49,6 +51,7 @@ class FileColumns:
     units: dict[str, str] = field(default_factory=dict)
     numbers: dict[str, float] = field(default_factory=dict)
     ignored: dict[str, str] = field(default_factory=dict)
+    start: pd.Timestamp | None = None
 
     def without_units_in_names(self) -> FileColumns:
         """Return it with the units taken out of the names of columns, as in "speed [rpm]"."""
@@ -62,7 +65,7 @@ class FileColumns:
 
         units = {short: unit for short, unit in parts.values() if unit} | renamed(self.units)
         rates, numbers = renamed(self.rates), renamed(self.numbers)
-        return FileColumns(renamed(self.columns), rates, units, numbers, self.ignored)
+        return FileColumns(renamed(self.columns), rates, units, numbers, self.ignored, self.start)
 
     def like_shaft(self) -> list[str]:
         """Return the columns and numbers with name or unit of the motion of a shaft."""
@@ -166,12 +169,25 @@ def time_of_sample(content: FileColumns, layout: Layout, number: int) -> float |
     name = _time_column(content, layout)
     if name is None:
         return None
-    value = content.columns[name][number]
-    if isinstance(value, str | np.datetime64):
-        return pd.Timestamp(value).timestamp()
-    return float(value) * unit_factor(
-        layout.unit_of(name) or content.units.get(name) or "s", "time"
-    )
+    value = content.columns[name][number : number + 1]
+    if value.dtype.kind not in "iuf":
+        return dates_of(value, name).iloc[0].timestamp()
+    unit = layout.unit_of(name) or content.units.get(name) or "s"
+    return float(value[0]) * unit_factor(unit, "time")
+
+
+def start_of(content: FileColumns, layout: Layout) -> pd.Timestamp | None:
+    """Return when a recording started, as its dates or its file state it; None if they do not.
+
+    In UTC if a time zone is stated. Times of day without a date are not known.
+    """
+    name = _time_column(content, layout)
+    start = content.start
+    if name is not None and content.columns[name].dtype.kind not in "iuf":
+        start = dates_of(content.columns[name][:1], name).iloc[0]
+    if start is None or start.year == 1970:  # of a time of day, or of a clock that was not set
+        return None
+    return start if start.tzinfo is None else start.tz_convert(None)
 
 
 def _check_units(content: FileColumns, layout: Layout) -> None:

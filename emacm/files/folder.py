@@ -7,15 +7,17 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from emacm._checks import located
-from emacm.files.file_columns import recording_arguments
+from emacm.files.file_columns import recording_arguments, start_of
 from emacm.files.layout import Layout
 from emacm.files.readers import READERS, read_columns
 from emacm.recordings.digests import Recent, digest_of_file
@@ -138,6 +140,14 @@ class FileRecording(Recording):
         _last.held = self._key, content
         return content
 
+    @property
+    def start(self) -> pd.Timestamp | None:
+        """When the file was started, as it states itself (in UTC if it states a time zone).
+
+        None if it does not; TDMS and MDF files do, and those with a column of dates.
+        """
+        return self.content().once("start", lambda: None)
+
     def release(self) -> None:
         """Drop the content from memory; it is read again when it is needed."""
         _recent.drop(self._key)
@@ -148,11 +158,14 @@ class FileRecording(Recording):
             change, arguments = self._steps[-1]
             content = _opened(self.layout, self._state, self._meta, self._steps[:-1]).content()
             with located(printable(self.path)):
-                return content._derived(change, *arguments)
+                changed = content._derived(change, *arguments)
+            changed.once("start", partial(content.once, "start", lambda: None))
+            return changed
         self._state.check()
         with located(printable(self.path)):
             columns = read_columns(Path(self.path))
             recording = Recording(**recording_arguments(columns, self.layout), meta=self._meta)
+            recording.once("start", lambda: start_of(columns, self.layout))
         self._state.check()  # it may have been written while it was read
         return recording
 

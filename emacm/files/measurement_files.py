@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
+import pandas as pd
 import scipy  # scipy.io is imported when it is used
 
 from emacm.files.file_columns import FileColumns, RefusedFileError
@@ -227,6 +228,8 @@ def read_tdms(path: Path, content: FileColumns) -> None:
         _check_complete(path, _end_of_segments(file))
         table = nptdms.TdmsFile.open(file)
         channels = [channel for group in table.groups() for channel in group.channels()]
+        starts = [one for c in channels if (one := c.properties.get("wf_start_time")) is not None]
+        content.start = pd.Timestamp(min(starts)) if starts else None
         names = [channel.name for channel in channels]
         for channel in channels:
             twice = names.count(channel.name) > 1
@@ -290,6 +293,7 @@ def read_mdf(path: Path, content: FileColumns) -> None:
     """Add the channels of an MDF 4 file, with rates from their time stamps."""
     asammdf = optional_library("asammdf", "MDF", extra="mdf")
     with asammdf.MDF(str(path)) as file:
+        content.start = pd.Timestamp(file.start_time)
         groups = [group.channel_group for group in file.groups]
         check_stated_size(path, sum(group.cycles_nr * group.samples_byte_nr for group in groups))
         for signal in file.iter_channels():

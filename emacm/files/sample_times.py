@@ -1,7 +1,8 @@
-"""The sampling rate of a column of times."""
+"""Times of samples, and their rate."""
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ def seconds_of(values: NDArray[Any], unit: str, name: str) -> Times:
     Parameters
     ----------
     values : ndarray of shape (n_times,)
-        Numbers, dates or texts of dates.
+        Numbers, or dates and times as in `dates_of`.
     unit : str
         Unit of numbers; "" stands for s.
     name : str
@@ -38,17 +39,58 @@ def seconds_of(values: NDArray[Any], unit: str, name: str) -> Times:
     if values.dtype.kind in "iuf":
         seconds = values.astype(np.float64) * unit_factor(unit or "s", "time")
     else:
-        texts = values if values.dtype.kind == "M" else values.astype(str)
-        dates = pd.to_datetime(pd.Series(texts), errors="coerce", format="ISO8601")
-        if dates.isna().any():
-            place = int(np.argmax(dates.isna()))
-            raise ValueError(
-                f"time column {name!r} has {values[place]!r} at sample {place}, not a time. "
-                f"Repair it, or state fs and time=False to ignore the column."
-            )
+        dates = dates_of(values, name)
         seconds = (dates - dates.iloc[0]).dt.total_seconds().to_numpy()
     check_finite(seconds, f"time column {name!r}")
     return seconds - seconds[0]
+
+
+def dates_of(values: NDArray[Any], name: str) -> pd.Series:
+    """Return dates and times of day as dates; a time of day without a date is on 1970-01-01.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n_times,)
+        Dates, or texts such as "2026-11-01T08:01:00.0001", "01.11.2026 08:01:00,0001" (day first)
+        or "08:01:00.0001"; where a time of day goes back by more than 12 h, the next day begins.
+    name : str
+        Name of the column, for messages.
+
+    Returns
+    -------
+    Series of dates
+
+    Raises
+    ------
+    ValueError
+        If a value is missing or is not a time.
+
+    Examples
+    --------
+    >>> dates_of(np.array(["23:59:59,5", "0:00:00,5"]), "time").tolist()
+    [Timestamp('1970-01-01 23:59:59.500000'), Timestamp('1970-01-02 00:00:00.500000')]
+    """
+    dates = texts = pd.Series(values)
+    if values.dtype.kind != "M":
+        texts = texts.astype(str).str.strip().str.replace(",", ".", regex=False)
+        if re.match(r"\d\d?:", texts.iloc[0]):
+            hours = pd.to_timedelta(texts, errors="coerce")
+            midnights = (hours.diff() < pd.Timedelta(hours=-12)).cumsum()
+            dates = pd.Timestamp(0) + hours + pd.to_timedelta(midnights, unit="D")
+        else:
+            texts = texts.str.replace(r"^(\d+)\.(\d+)\.(\d{4})\b", r"\3-\2-\1", regex=True)
+            dates = pd.to_datetime(texts, errors="coerce", format="ISO8601")
+    if dates.isna().any():
+        place = int(np.argmax(dates.isna()))
+        raise ValueError(
+            f"time column {name!r} has {values[place]!r} at sample {place}, not a time. Repair "
+            f"it, or {_ignore(name)}."
+        )
+    return dates
+
+
+def _ignore(name: str) -> str:
+    return f"state fs, and time = false (in Python: False) to ignore {name!r}"
 
 
 def rate_of_times(
@@ -85,7 +127,7 @@ def rate_of_times(
     >>> rate_of_times(np.round(np.arange(5) / 12_000, 6), "time")
     12000.0
     """
-    ignore = f"or state fs and time=False to ignore {name!r}"
+    ignore = f"or {_ignore(name)}"
     if len(seconds) < 2 or seconds[-1] <= seconds[0]:
         raise ValueError(
             f"time column {name!r} does not increase. Choose the column of times, {ignore}."
@@ -153,5 +195,5 @@ def _check_gaps(seconds: Times, name: str, gap: float, resolution: float) -> Non
         raise ValueError(
             f"time column {name!r} has a gap of {steps[place]:.6g} s after sample {place} "
             f"({seconds[place]:.6g} s), {len(gaps)} in all; usual are {usual:.6g} s. Cut the "
-            f"recording there, fill the gap, or state fs and time=False to ignore {name!r}."
+            f"recording there, fill the gap, or {_ignore(name)}."
         )

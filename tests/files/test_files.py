@@ -313,6 +313,32 @@ def test_texts_of_several_kinds_are_read_alike(tmp_path, text):
     assert dict(opened.units) == ({} if text.startswith("#") else {"b": "g"})
 
 
+@pytest.mark.parametrize(
+    ("times", "start"),
+    [
+        (["2026-11-01T08:01:00,000100", "2026-11-01T08:01:00,000600"], "2026-11-01T08:01:00.0001"),
+        (["01.11.2026 08:01:00.0001", "01.11.2026 08:01:00.0006"], "2026-11-01T08:01:00.0001"),
+        (["1.11.2026 08:01:00", "1.11.2026 08:01:00,0005"], "2026-11-01T08:01:00"),
+        (["2026-11-01T08:01:00+01:00", "2026-11-01T08:01:00.0005+01:00"], "2026-11-01T07:01:00"),
+        (["08:01:00.0001", "08:01:00.0006"], None),
+        (["23:59:59,9998", "0:00:00,0003"], None),
+        (["12.0001", "12.0006"], None),
+    ],
+)
+def test_times_in_the_usual_forms(tmp_path, times, start):
+    rows = "".join(f"{time};{value}\n" for value, time in enumerate(times))
+    (tmp_path / "a.csv").write_text(f"Zeit;b\n{rows}", encoding="utf-8")
+    opened = open_recording(tmp_path / "a.csv", Layout(velocity=3.0))
+    assert opened.fs["b"] == 2000
+    assert opened.cut(0).start == (None if start is None else pd.Timestamp(start))
+
+
+def test_what_is_no_time_is_named(tmp_path):
+    (tmp_path / "a.csv").write_text("time;b\n08:01:00;1\n8 Uhr;2\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"'8 Uhr' at sample 1.*time = false"):
+        assert open_recording(tmp_path / "a.csv", Layout(velocity=3.0)).duration
+
+
 def test_numbers_of_a_text_are_read_exactly(tmp_path):
     values = np.random.default_rng(0).normal(size=1000) * 1e-7
     pd.DataFrame({"b": values}).to_csv(tmp_path / "a.csv", index=False)

@@ -106,15 +106,18 @@ def test_tdms_channels_of_one_name_are_told_apart_by_their_groups(tmp_path):
 def test_tdms_with_wave_form_properties(tmp_path):
     nptdms = library("nptdms")
     units = {"vib": "g", "amp": "A", "speed": "rpm"}
+    start = {"wf_start_time": np.datetime64("2026-11-01T08:01:00.5")}
     channels = [
         nptdms.ChannelObject(
-            "bench", name, values, {"wf_increment": 1 / 2560, "unit_string": units[name]}
+            "bench", name, values, {"wf_increment": 1 / 2560, "unit_string": units[name]} | start
         )
         for name, values in (("vib", VIB), ("amp", AMP), ("speed", SPEED))
     ]
     with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
         writer.write_segment(channels)
-    assert open_recording(tmp_path / "a.tdms", Layout(velocity="speed")) == expected()
+    opened = open_recording(tmp_path / "a.tdms", Layout(velocity="speed"))
+    assert opened == expected()
+    assert opened.start == pd.Timestamp("2026-11-01T08:01:00.5")
 
 
 OTHERS = ("orddenom_spec_data_type", "z_axis_spec_data_type")
@@ -149,9 +152,12 @@ def test_mdf_4_with_rates_from_time_stamps(tmp_path):
         for name, values in (("vib", VIB), ("amp", AMP), ("speed", SPEED))
     ]
     with asammdf.MDF(version="4.10") as file:
+        file.start_time = pd.Timestamp("2026-11-01T08:01:00", tz="UTC").to_pydatetime()
         file.append(signals)
         file.save(tmp_path / "a.mf4")
-    assert open_recording(tmp_path / "a.mf4", Layout(velocity="speed")) == expected()
+    opened = open_recording(tmp_path / "a.mf4", Layout(velocity="speed"))
+    assert opened == expected()
+    assert opened.start == pd.Timestamp("2026-11-01T08:01:00")
 
 
 @pytest.mark.parametrize(
