@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import softmax
+from scipy.stats import mannwhitneyu
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_number, group_codes
@@ -163,7 +164,7 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         """Covariance of the recordings of a unit in a class, shape (n_features, n_features)."""
         return self._unit().within
 
-    def prediction_sets(self, X, coverage=0.9):
+    def prediction_sets(self, X, coverage=0.9, groups=None):
         """Return the classes that cannot be excluded for each recording.
 
         The set has the most probable class, and every class that is at least as probable as a
@@ -177,6 +178,8 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         coverage : float, default=0.9
             Probability above 0 and below 1. If the most probable class is correct more often than
             that, the sets have one class and a higher coverage.
+        groups : array-like of shape (n_recordings,), default=None
+            Unit of each recording. Default: all are of one unit.
 
         Returns
         -------
@@ -188,12 +191,23 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         ValueError
             If an input is invalid, `fit` had no groups, or there are fewer units than
             ``coverage / (1 - coverage)``.
+
+        Warns
+        -----
+        UserWarning
+            If the units are less typical than those of the training were when they were left out
+            (test of Mann and Whitney on the mean typicality of each unit, at 5 %): the coverage
+            holds for units of the same kind only. On simulated fleets of 50 units the warning came
+            for 3 to 9 % of units of the same kind; of units shifted by half a standard deviation,
+            which were covered with 82 to 85 % in place of 88 %, for 12 % of single units, 56 %
+            of tens and 83 % of forties; shifted by one (71 to 73 %), for 34, 98 and 100 %.
         """
         coverage = check_number(coverage, "coverage", above=0, below=1)
         posterior = self.predict_proba(X)
         self._unit()
         left: Any = self._calibration.left_out
         judged = left.judged
+        self._warn_of_shift(X, groups, left.typicality[judged], left.units[judged])
         threshold = probability_threshold(
             left.log_densities[judged],
             left.codes[judged],
@@ -203,6 +217,30 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
             coverage,
         )
         return classes_above(posterior, threshold)
+
+    def _warn_of_shift(
+        self, X: Any, groups: Any, known: Array, units: Indices, *, level: float = 0.05
+    ) -> None:
+        """Warn if units are less typical than those of the training were when left out."""
+        typicality = self.typicality(X)
+        numbers = group_codes(np.zeros(len(typicality)) if groups is None else groups, len(X))
+        means = [
+            np.bincount(codes, values) / np.bincount(codes)
+            for values, codes in (
+                (typicality, numbers),
+                (known, np.unique(units, return_inverse=True)[1]),
+            )
+        ]
+        probability = mannwhitneyu(*means, alternative="less").pvalue
+        if probability < level:
+            warnings.warn(
+                f"{len(means[0])} units with a mean typicality of {means[0].mean():.2g} are less "
+                f"typical than those of the training (p = {probability:.2g}): they may be of "
+                f"another kind, and the sets contain the true class less often than stated. Train "
+                f"with such units, or subtract their baseline (FeatureBaseline).",
+                UserWarning,
+                stacklevel=3,
+            )
 
     @property
     def _needs_densities(self) -> bool:

@@ -22,6 +22,7 @@ from emacm._checks import (
 )
 from emacm._saved import SavedEstimator
 from emacm.life.life_calibration import (
+    WITHOUT_INDEX,
     History,
     LifeCalibration,
     LifeModels,
@@ -249,7 +250,8 @@ class RemainingLife(RegressorMixin, SavedEstimator):
             (units on which the interval is calibrated), "calibration" ("same age": on units of the
             same age or time since the onset; "earlier age": too few units reached it, so that the
             interval is as wide as at the latest one that enough units reached) and "statement", in
-            words, also of an age or an index outside the range of the fit.
+            words, also of an age or an index outside the range of the fit, and of an interval that
+            is wider than the one from the age alone.
 
         Raises
         ------
@@ -273,9 +275,10 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         table["n_units"], table["calibration"] = n_units, calibration
         indexed = self.n_features_in_ > 1
         rows, outside = table.to_dict("records"), outside_fit(X, self._fitted_range)
+        without = self._limits_without_index(units, len(X), coverage)
         table["statement"] = [
-            f"{statement(row, coverage, indexed=indexed)} {text}".rstrip()
-            for row, text in zip(rows, outside, strict=True)
+            f"{statement(row, coverage, plain, indexed=indexed)} {text}".rstrip()
+            for row, plain, text in zip(rows, without, outside, strict=True)
         ]
         return table
 
@@ -339,6 +342,15 @@ class RemainingLife(RegressorMixin, SavedEstimator):
                 f"Negative values in data passed to X: the first column is the age, got "
                 f"{X[row, 0]:g} in row {row}."
             )
+
+    def _limits_without_index(self, units: list[History], n: int, coverage: float) -> Array:
+        """Return lower and upper limit from the age alone, of each reading."""
+        limits = np.empty((n, 2))
+        for unit in units:
+            width = [self._calibration.width(WITHOUT_INDEX, x, coverage)[0] for x in unit.ages]
+            levels = np.clip(0.5 + np.outer(width, [-1, 1]), 0, 1)
+            limits[unit.rows] = self.models_.quantiles(unit.without_index, levels)
+        return limits
 
     def _warn_outside(self, X: Array, *, margin: float = 0.1) -> None:
         """Warn of readings far outside the range of the fit, naming the first."""

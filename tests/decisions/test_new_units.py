@@ -293,3 +293,25 @@ def test_without_groups_there_are_no_units():
 @parametrize_with_checks([NewUnitClassifier()])
 def test_scikit_learn_checks(estimator, check):
     check(estimator)
+
+
+@pytest.mark.parametrize(("shift", "warned"), [(0.0, False), (1.0, True)])
+def test_units_of_another_kind_are_stated_with_their_sets(model, shift, warned):
+    codes, units = np.arange(60) % 3, np.arange(60) // 6
+    later = draw(codes, units, 77)[0] + shift * np.sqrt(np.diag(BETWEEN + WITHIN))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        model.prediction_sets(later, groups=units)
+    assert [str(x.message)[:8] for x in caught] == ["10 units"] * warned
+
+
+@pytest.mark.slow
+def test_units_of_the_same_kind_are_seldom_called_another_kind(model):
+    found = []
+    for seed in range(200):
+        codes, units = np.arange(60) % 3, np.arange(60) // 6
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            model.prediction_sets(draw(codes, units, seed)[0], groups=units)
+        found.append(len(caught))
+    assert np.mean(found) < 0.1
