@@ -5,6 +5,7 @@ The signals of the functions are one revolution of the shaft of the gear, at uni
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
@@ -178,6 +179,16 @@ class GearIndicators(_RevolutionFeatures):
     signal lacks the first sidebands too. All need several whole revolutions, and several samples
     per tooth: theta_s of 2π / (8 teeth), say.
 
+    An error of the shaft angle once per revolution (an eccentric encoder or resolver, uneven
+    tachometer pulses) modulates the phase of the mesh by beta = error x teeth [rad], and so does an
+    eccentric gear: the two cannot be told apart (`phase_modulation`). Simulated gears with 13 to 40
+    teeth, noise of 0.5 % of the mesh: at beta = 0.2, FM4 of a tooth with 5 % less amplitude falls
+    from 8.7-18 to 4.6-6.0, and that of a sound gear rises from 3.0 to 4.0-4.2; at 0.5, a loss of
+    10 % cannot be seen any more, and at 1.2 one of 80 %, with a FM4 of 3.8 in all cases. NA4 of a
+    sound gear is 60 times larger already at 0.02 if `fit` had no such error. NB4 keeps more than
+    half of its increase. From 0.2 on `transform` warns. An eccentricity e of a gear of module m has
+    about 2 e / m: 0.02 for 20 µm and 2 mm.
+
     References
     ----------
     .. [1] Zakrajsek, Townsend and Decker, An analysis of gear fault detection methods as applied
@@ -233,7 +244,7 @@ class GearIndicators(_RevolutionFeatures):
         super().fit(X)
         rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
         moments = run(self._moments, rows, n_jobs=self.n_jobs)
-        self.ensemble_ = np.mean([raw[:, -2:] for raw in moments], axis=0)
+        self.ensemble_ = np.mean([raw[:, -3:-1] for raw in moments], axis=0)
         return self
 
     def _gears(self) -> dict[str, int]:
@@ -254,7 +265,10 @@ class GearIndicators(_RevolutionFeatures):
         return [((name, word) if name else (word,)) for name in names for word in _INDICATORS]
 
     def _features(self, strokes: Sequence[StrokeSignal]) -> Array:
-        """Return indicators of each gear, with moments in place of NA4, NB4, and two variances."""
+        """Return of each gear the indicators, with moments for NA4, NB4, and what follows them.
+
+        These are the two variances and the phase modulation.
+        """
         average = average_revolution(strokes, self._n_samples)
         return np.concatenate([self._of_gear(average, teeth) for teeth in self._gears().values()])
 
@@ -269,15 +283,34 @@ class GearIndicators(_RevolutionFeatures):
             normalized_moment(difference, 6),
             sideband_level(average, teeth),
             *(float(np.mean(signal**power)) for power in (4, 2) for signal in signals),
+            phase_modulation(average, teeth),
         ]
 
     def _moments(self, row: Row) -> Array:
-        return super()._row(row).reshape(-1, len(_INDICATORS) + 2)
+        return super()._row(row).reshape(-1, len(_INDICATORS) + 3)
 
     def _row(self, row: Row) -> Array:
         found = self._moments(row)
         found[:, 4:6] /= _positive(self.ensemble_) ** 2
-        return found[:, :-2].ravel()
+        return np.delete(found, [6, 7], axis=1)
+
+    def _checked_table(self, table: Array, *, largest: float = 0.2) -> Array:
+        """Return the indicators; warn if the phase of a mesh is modulated by more [rad]."""
+        modulation = table[:, :, -1]
+        rows, gears = np.nonzero(modulation > largest)
+        if len(rows):
+            gear = ":".join(self._keys()[gears[0] * len(_INDICATORS)][:-1])
+            warnings.warn(
+                f"recording {rows[0]}: {gear}: the phase of the mesh is modulated once per "
+                f"revolution by {modulation[rows[0], gears[0]]:.2g} rad (so in {len(set(rows))} of "
+                f"{len(table)} recordings; accepted is {largest:g}). The angle reference has an "
+                f"error of this over the teeth, or the gear is eccentric by half of this times its "
+                f"module. FM4, M6A and NA4 are unreliable: they miss small faults. Correct the "
+                f"reference, or use NB4.",
+                UserWarning,
+                stacklevel=4,
+            )
+        return table[:, :, :-1].reshape(len(table), -1)
 
 
 def average_revolution(strokes: Sequence[StrokeSignal], n_samples: int) -> Array:
@@ -468,6 +501,47 @@ def sideband_level(average: Array, teeth: int) -> float:
     """
     level = _amplitudes(average)[[teeth - 1, teeth + 1]].sum()
     return float(level / _positive(np.std(average)))
+
+
+def phase_modulation(average: Array, teeth: int, *, certainty: float = 5.0) -> float:
+    """Return how far the phase of the mesh is modulated once per revolution.
+
+    The phase of harmonic h is modulated by h times as much, and its first sidebands, relative to
+    it, differ by that from sidebands of an amplitude modulation, which are symmetric. The estimate
+    is the least squares of all harmonics.
+
+    Parameters
+    ----------
+    average : ndarray of shape (n_samples,)
+        One revolution, in any unit U.
+    teeth : int
+        Teeth of the gear.
+    certainty : float
+        Number of standard errors, from the power of the difference signal, below which there is
+        none.
+
+    Returns
+    -------
+    float
+        Amplitude at the first harmonic [rad]: for an error of the shaft angle, the error times
+        `teeth`. 2 to 20 % too large from 0.5 to 1.2 rad. 0 if it is not certain.
+
+    Examples
+    --------
+    >>> angle = 2 * np.pi * np.arange(256) / 256
+    >>> wrong = angle + 0.02 * np.sin(angle - 1)
+    >>> round(phase_modulation((1 + 0.1 * np.cos(angle)) * np.cos(13 * wrong), 13), 2)
+    0.26
+    """
+    spectrum = np.fft.rfft(average)
+    mesh = mesh_orders(teeth, len(average), sidebands=1)[1::3]
+    centre, orders = spectrum[mesh], mesh / teeth
+    # cos(x + b sin(y)) has the sidebands +b/2 and -b/2; (1 + m cos(y)) cos(x) has m/2 and m/2.
+    odd = spectrum[mesh + 1] * np.conj(centre) - np.conj(spectrum[mesh - 1]) * centre
+    information = np.sum(np.abs(orders * centre) ** 2)
+    background = len(average) * np.var(residual_signal(average, teeth, sidebands=1))
+    modulation = np.abs(np.sum(odd * orders)) / _positive(information)
+    return float(modulation * (modulation**2 * information > 2 * certainty**2 * background))
 
 
 def _amplitudes(average: Array) -> Array:

@@ -231,7 +231,7 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
         self._check_rows(rows)
         features = run(self._row, rows, names=names_of(rows), n_jobs=self.n_jobs)
-        return np.array(features, dtype=np.float64)
+        return self._checked_table(np.array(features, dtype=np.float64))
 
     def outside_training(self, X: Any) -> list[list[Statement]]:
         """State in which directions recordings turn, but none of `fit`.
@@ -285,6 +285,10 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
     def _features(self, strokes: Sequence[StrokeSignal]) -> Any:
         """Return the values of `_feature_names` for the strokes of one channel and direction."""
         raise NotImplementedError
+
+    def _checked_table(self, table: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the features of all recordings from the results of `_row`."""
+        return table
 
     def _rest_names(self) -> list[tuple[str, ...]]:
         return []

@@ -13,6 +13,7 @@ from emacm.stroke_features.gears import (
     mesh_envelope,
     mesh_orders,
     normalized_moment,
+    phase_modulation,
     residual_signal,
     sideband_level,
 )
@@ -68,6 +69,36 @@ def test_one_missing_tooth_raises_fm4_and_more_for_m6a():
     assert found["case:M6A"][1] / found["case:M6A"][0] > found["case:FM4"][1] / found["case:FM4"][0]
     assert found["case:NA4"][1] > 100 * found["case:NA4"][0]
     assert found["case:NB4"][1] > 100 * found["case:NB4"][0]
+
+
+@pytest.mark.parametrize("error", [0.0, 0.005, 0.02])
+@pytest.mark.parametrize("teeth", [13, 30])
+def test_phase_modulation_is_the_error_of_the_angle_times_the_teeth(teeth, error):
+    angle = TURN * np.arange(16 * teeth) / (16 * teeth)
+    wrong = angle + error * np.sin(angle + 0.7)
+    eccentric = (1 + 0.3 * np.cos(angle)) * (
+        np.cos(teeth * wrong) + 0.4 * np.sin(2 * teeth * wrong)
+    )
+    noise = 0.01 * np.random.default_rng(0).normal(size=(2, len(angle)))
+    found = phase_modulation(eccentric + noise[0], teeth)
+    assert found == pytest.approx(error * teeth, rel=0.12, abs=0.01)
+    assert phase_modulation(noise[1], teeth) == 0  # without a mesh
+
+
+def test_an_error_of_the_reference_hides_a_fault_and_is_stated():
+    def measured(error, **options):
+        recording = gearbox(**options)
+        angle = recording.angle + error * np.sin(recording.angle)
+        return Recording(dict(recording.signals), FS, angle=angle)
+
+    sound, broken = over_angle(*(measured(0.0, seed=k, missing=m) for k, m in ((1, 0), (2, 0.1))))
+    right = indicators([sound, broken], fitted_on=[sound])
+    wrong = over_angle(*(measured(0.03, seed=k, missing=m) for k, m in ((1, 0), (2, 0.1))))
+    with pytest.warns(UserWarning, match=r"recording 0: case: the phase.* 0\.[34].* in 2 of 2 rec"):
+        seen = indicators(wrong, fitted_on=wrong[:1])
+    assert right["case:FM4"][1] > 1.3 * right["case:FM4"][0]
+    assert seen["case:FM4"][1] < 1.1 * seen["case:FM4"][0]
+    assert seen["case:NB4"][1] > 10 * seen["case:NB4"][0]
 
 
 def test_na4_of_a_recording_is_relative_to_the_recordings_of_fit():
