@@ -232,10 +232,11 @@ class _Work:
     def _digest(self, path: Path) -> str:
         """Return the digest of a file and of the settings; "" for a file that is not there."""
         try:
-            digest = digest_of_file(path)
-        except OSError:
+            digests = map(digest_of_file, self._layout.files_of(path))
+            text = "".join([self._settings_digest, *digests])
+        except (OSError, ValueError):
             return ""
-        return sha256(f"{self._settings_digest}{digest}".encode()).hexdigest()[:32]
+        return sha256(text.encode()).hexdigest()[:32]
 
     def _rows(self, paths: Sequence[Path], most: int = 32, quick: float = 1.0) -> list[Row]:
         """Return the rows of files in order; those of new ones are written batch by batch.

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm._checks import check_signal
+from emacm._checks import check_signal, located
 from emacm.files.layout import Layout, constant_speed
 from emacm.files.sample_times import dates_of, rate_of_times, seconds_of
 from emacm.recordings.names import is_shaft_name, is_time_name, same_unit, split_unit, unit_factor
+from emacm.shaft.angle import angle_from_wrapped, is_wrapped
 from emacm.shaft.tacho import angle_from_tacho
 
 _RATES = {"fs", "sfreq", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency"}
@@ -122,7 +123,9 @@ def _matching(wanted: str, known: Sequence[str]) -> list[str]:
     return found or [name for name in known if re.split(r"[/.]", name)[-1] == plain]
 
 
-def recording_arguments(content: FileColumns, layout: Layout) -> dict[str, Any]:
+def recording_arguments(
+    content: FileColumns, layout: Layout, second: FileColumns | None = None
+) -> dict[str, Any]:
     """Return the arguments of the recording that a layout makes of the columns of a file.
 
     Parameters
@@ -131,6 +134,8 @@ def recording_arguments(content: FileColumns, layout: Layout) -> dict[str, Any]:
         What the file contains.
     layout : Layout
         What is channel, time and shaft.
+    second : FileColumns, optional
+        What the second file contains, if the layout names one for the shaft.
 
     Returns
     -------
@@ -145,9 +150,10 @@ def recording_arguments(content: FileColumns, layout: Layout) -> dict[str, Any]:
     """
     if not content.columns:
         raise ValueError(_without_signal(content))
-    _check_units(content, layout)
+    _check_units(content, layout, second)
     times = _time_column(content, layout)
-    shaft = _shaft_column(content, layout)
+    of_second = layout.of_second_file()
+    shaft = _shaft_column(content, layout) if of_second is None else None
     channels = _channel_columns(content, layout, times, shaft)
     rates = rates_of_columns(content, layout, times)
     fs = {name: _rate(content, layout, rates, column, name) for name, column in channels.items()}
@@ -158,7 +164,37 @@ def recording_arguments(content: FileColumns, layout: Layout) -> dict[str, Any]:
         "fs": fs,
         "units": {name: unit for name, unit in units.items() if unit},
     }
-    return arguments | _shaft(content, layout, shaft, rates, max(fs.values()))
+    highest = max(fs.values())
+    if of_second is None:
+        n_times = {len(values) for values in signals.values()}
+        return arguments | _shaft(content, layout, shaft, rates, highest, n_times)
+    if second is None:
+        raise ValueError("its layout names a second file for the shaft; here, a column is needed.")
+    with located("the second file"):
+        shaft = _shaft_column(second, of_second)
+        rates = rates_of_columns(second, of_second, _time_column(second, of_second))
+        motion = _shaft(second, of_second, shaft, rates, highest, set())
+        delay = _start(second, of_second) - _start(content, layout)
+        longest = max(len(values) / fs[name] for name, values in signals.items())
+        return arguments | _aligned(motion, delay, longest)
+
+
+def _aligned(motion: dict[str, Any], delay: float, duration: float) -> dict[str, Any]:
+    """Return the shaft reference of a second file from the start of the first one to its end."""
+    (kind, values), (_, rate) = motion.items()
+    if np.ndim(values) == 0:
+        return motion
+    if kind == "angle" and is_wrapped(values):
+        values = angle_from_wrapped(values)
+    place = np.arange(max(2, round(duration * rate))) - round(delay * rate, 3)
+    if place[0] < -1 or place[-1] > len(values):
+        raise ValueError(
+            f"its times, {delay:.6g} to {delay + len(values) / rate:.6g} s after the start of the "
+            f"recording, do not cover its {duration:.6g} s. Cut it, or correct the times."
+        )
+    before = np.clip(np.floor(place).astype(int), 0, len(values) - 2)
+    step = values[before + 1] - values[before]
+    return {kind: values[before] + (place - before) * step, "shaft_fs": rate}
 
 
 def time_of_sample(content: FileColumns, layout: Layout, number: int) -> float | None:
@@ -176,6 +212,32 @@ def time_of_sample(content: FileColumns, layout: Layout, number: int) -> float |
     return float(value[0]) * unit_factor(unit, "time")
 
 
+class _Start(NamedTuple):
+    """When a file starts [s]; `is_date` if since 1970, else on its own clock."""
+
+    seconds: float
+    is_date: bool
+
+    def __sub__(self, other: _Start) -> float:
+        """Return by how much this file starts later than another one [s]."""
+        if self.is_date == other.is_date:
+            return self.seconds - other.seconds
+        if min(self, other, key=lambda start: start.is_date).seconds:
+            raise ValueError(
+                "its times cannot be compared with those of the first file: one of them are dates, "
+                "the others do not begin at 0. State both alike, or time = false where they start "
+                "at the same instant."
+            )
+        return 0.0
+
+
+def _start(content: FileColumns, layout: Layout) -> _Start:
+    date = None if layout.time is False else start_of(content, layout)
+    if date is not None:
+        return _Start(date.timestamp(), is_date=True)
+    return _Start(time_of_sample(content, layout, 0) or 0.0, is_date=False)
+
+
 def start_of(content: FileColumns, layout: Layout) -> pd.Timestamp | None:
     """Return when a recording started, as its dates or its file state it; None if they do not.
 
@@ -190,13 +252,14 @@ def start_of(content: FileColumns, layout: Layout) -> pd.Timestamp | None:
     return start if start.tzinfo is None else start.tz_convert(None)
 
 
-def _check_units(content: FileColumns, layout: Layout) -> None:
+def _check_units(content: FileColumns, layout: Layout, second: FileColumns | None) -> None:
     """Refuse the unit of a name that occurs nowhere: mistyped, it would not be applied."""
     parts = [layout.fs, layout.time, layout.channels, layout.velocity, layout.angle, layout.tacho]
     for name in layout.units:
         is_named = re.search(rf"(?<!\w){re.escape(name)}(?!\w)", str(parts))
         may_lack = name in ("velocity", "speed", "angle") or is_time_name(name)
-        if not (is_named or may_lack or content.has(name)):
+        is_known = content.has(name) or (second is not None and second.has(name))
+        if not (is_named or may_lack or is_known):
             raise ValueError(
                 f"units names {name!r}, which is no column or channel; the columns are "
                 f"{_listed(list(content.columns))}. Correct the name, or leave it out."
@@ -284,8 +347,9 @@ def _channel_columns(
 def stated_rates(content: FileColumns) -> dict[str, float]:
     """Return the sampling rates that a file states [Hz], by column.
 
-    A number named fs (or samplerate and the like) holds for all columns of its group; if the file
-    states a unit of it, this must be Hz or kHz.
+    A number named fs (or samplerate and the like) holds for the columns of its group, but not for
+    those that are shorter than the longest one: these have another rate. A number named fs_rpm or
+    rpm_fs holds for the column rpm. If the file states a unit of it, this must be Hz or kHz.
 
     Parameters
     ----------
@@ -301,21 +365,48 @@ def stated_rates(content: FileColumns) -> dict[str, float]:
     >>> stated_rates(FileColumns({"b": [0.0, 1.0]}, numbers={"fs": 25.0}))
     {'b': 25.0}
     """
-    hertz = {"": 1.0, "hz": 1.0, "khz": 1000.0}
     rates: dict[str, float] = {}
-    for name, number in content.numbers.items():
+    for name, rate in _hertz(content):
         last = re.split(r"[/.]", name)[-1]
-        factor = hertz.get(content.units.get(name, "").lower(), 0.0)
-        if number * factor > 0 and re.sub("[^a-z]", "", last.lower()) in _RATES:
-            group = name.removesuffix(last)
-            of_group = [column for column in content.columns if column.startswith(group)]
-            rates |= dict.fromkeys(of_group, number * factor)
-    return rates | content.rates
+        if _is_rate(last):
+            columns = {c: len(v) for c, v in content.columns.items()}
+            columns = {c: n for c, n in columns.items() if c.startswith(name.removesuffix(last))}
+            longest = max(columns.values(), default=0)
+            rates |= {column: rate for column, n in columns.items() if n + 1 >= longest}
+    return rates | _own_rates(content)
+
+
+def _own_rates(content: FileColumns) -> dict[str, float]:
+    """Return the rates that a file states for single columns [Hz]."""
+    named = {
+        column: rate
+        for column in content.columns
+        for name, rate in _hertz(content)
+        for rest in (name.removesuffix(f"_{column}"), name.removeprefix(f"{column}_"))
+        if rest != name and _is_rate(rest)
+    }
+    return named | content.rates
+
+
+def _hertz(content: FileColumns) -> Iterator[tuple[str, float]]:
+    """Yield the numbers that may be rates [Hz]."""
+    hertz = {"": 1.0, "hz": 1.0, "khz": 1000.0}
+    for name, number in content.numbers.items():
+        rate = number * hertz.get(content.units.get(name, "").lower(), 0.0)
+        if rate > 0:
+            yield name, rate
+
+
+def _is_rate(name: str) -> bool:
+    return re.sub("[^a-z]", "", name.lower()) in _RATES
 
 
 def rates_of_columns(content: FileColumns, layout: Layout, times: str | None) -> dict[str, float]:
-    """Return sampling rates by column [Hz], from the file and its column of times."""
-    stated = stated_rates(content)
+    """Return sampling rates by column [Hz], from the file and its column of times.
+
+    Where a layout states rates of single columns, a rate of all columns is only their default.
+    """
+    stated = (_own_rates if isinstance(layout.fs, Mapping) else stated_rates)(content)
     if times is None:
         return stated
     values = content.columns[times]
@@ -336,14 +427,15 @@ def _rate(
 ) -> float:
     """Return the rate of a column [Hz], which layout and file may both state."""
     known, stated = rates.get(column), layout.fs
+    if isinstance(stated, Mapping):
+        by_name = {split_unit(key)[0]: rate for key, rate in stated.items()}
+        stated = by_name.get(name, by_name.get(column))
+        default = stated_rates(content).get(column, default)
     if isinstance(stated, str):
         number = content.find(stated, numbers=True)
         if number not in content.numbers:
             raise ValueError(f"fs = {stated!r} is not a single number of the file.")
         stated = content.numbers[number]
-    elif isinstance(stated, Mapping):
-        by_name = {split_unit(key)[0]: rate for key, rate in stated.items()}
-        stated = by_name.get(name, by_name.get(column))
     if stated and known and abs(known / stated - 1) > 1e-6:
         raise ValueError(
             f"the layout states fs = {stated:g} Hz for {name!r}, but the file {known:.9g} Hz. "
@@ -353,7 +445,7 @@ def _rate(
     if rate is None:
         raise ValueError(
             f"the sampling rate of {name!r} is not known: neither the file nor the layout "
-            f"states it. Set fs, or time to a column of times."
+            f"states it. Set fs, or time to a column of times; fs may be a rate for each column."
         )
     return float(rate)
 
@@ -378,8 +470,12 @@ def _shaft(
     column: str | None,
     rates: Mapping[str, float],
     fs: float,
+    n_times: Set[int],
 ) -> dict[str, Any]:
-    """Return the shaft reference in rad or rad/s, and its rate [Hz]."""
+    """Return the shaft reference in rad or rad/s, and its rate [Hz].
+
+    Of a column that is as long as a channel (`n_times`), it is `fs` if nothing states another.
+    """
     if column is None:
         speed, unit = layout.velocity, layout.unit_of("velocity", "speed") or "rad/s"
         if isinstance(speed, str):
@@ -390,8 +486,7 @@ def _shaft(
         factor = unit_factor(_shaft_unit(content, layout, column, kind), kind)
         return {"velocity": content.numbers[column] * factor, "shaft_fs": fs}
     values = check_signal(content.columns[column], f"the shaft column {column!r}")
-    lengths = [len(other) for name, other in content.columns.items() if name != column]
-    default = fs if len(values) in lengths else None
+    default = fs if len(values) in n_times else None
     rate = _rate(content, layout, rates, column, column, default)
     if layout.tacho is not None:
         options = dict(layout.tacho) if isinstance(layout.tacho, Mapping) else {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -88,11 +88,11 @@ class FileRecording(Recording):
         How the file is read.
     """
 
-    __slots__ = ("_key", "_state", "_steps", "layout", "path")
+    __slots__ = ("_key", "_states", "_steps", "layout", "path")
 
     path: str
     layout: Layout
-    _state: FileState
+    _states: tuple[FileState, ...]
     _steps: tuple[Step, ...]
 
     @property
@@ -110,8 +110,12 @@ class FileRecording(Recording):
         ValueError
             If the file was changed since the recording was opened.
         """
-        self._state.check()
+        self._check_files()
         return super().digest
+
+    def _check_files(self) -> None:
+        for state in self._states:
+            state.check()
 
     def __getattr__(self, name: str) -> Any:
         """Read the content of the file."""
@@ -156,28 +160,34 @@ class FileRecording(Recording):
     def _read(self) -> Recording:
         if self._steps:
             change, arguments = self._steps[-1]
-            content = _opened(self.layout, self._state, self._meta, self._steps[:-1]).content()
+            content = _opened(self.layout, self._states, self._meta, self._steps[:-1]).content()
             with located(printable(self.path)):
                 changed = content._derived(change, *arguments)
             changed.once("start", partial(content.once, "start", lambda: None))
             return changed
-        self._state.check()
+        self._check_files()
         with located(printable(self.path)):
             columns = read_columns(Path(self.path))
-            recording = Recording(**recording_arguments(columns, self.layout), meta=self._meta)
+            second = None
+            for state in self._states[1:]:
+                with located(printable(state.path)):
+                    second = read_columns(Path(state.path))
+            found = recording_arguments(columns, self.layout, second)
+            recording = Recording(**found, meta=self._meta)
             recording.once("start", lambda: start_of(columns, self.layout))
-        self._state.check()  # it may have been written while it was read
+        self._check_files()  # they may have been written while they were read
         return recording
 
     def _derived(self, change: Callable[..., dict[str, Any]], *arguments: Any) -> Recording:
         """Return a recording that reads the same file, and then changes its content."""
         steps = (*self._steps, (change, arguments))
-        return _opened(self.layout, self._state, self._meta, steps)
+        return _opened(self.layout, self._states, self._meta, steps)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return path, layout, digest of the file, and meta; no samples."""
         layout = replace(self.layout, meta=None)
-        return _opened, (layout, self._state.with_digest(), self._meta, self._steps)
+        states = tuple(state.with_digest() for state in self._states)
+        return _opened, (layout, states, self._meta, self._steps)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the content."""
@@ -275,17 +285,28 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> Recording:
         raise TypeError(f"layout must be a Layout, got {type(layout).__name__}.")
     file = Path(path).absolute()
     with located(printable(file)):
-        return _opened(layout, FileState.of(str(file)), layout.meta_of(file))
+        _, *others = layout.files_of(file)
+        for second in others:
+            if not second.is_file():
+                raise FileNotFoundError(
+                    f"{printable(file)}: there is no second file {printable(second)} with the "
+                    f"motion of its shaft. Correct its name in the layout."
+                )
+        states = tuple(FileState.of(str(one)) for one in (file, *others))
+        return _opened(layout, states, layout.meta_of(file))
 
 
 def _opened(
-    layout: Layout, state: FileState, meta: dict[Any, Any], steps: tuple[Step, ...] = ()
+    layout: Layout,
+    states: tuple[FileState, ...],
+    meta: dict[Any, Any],
+    steps: tuple[Step, ...] = (),
 ) -> FileRecording:
-    """Return a recording in a file that was opened before."""
+    """Return a recording in files that were opened before."""
     recording = FileRecording.__new__(FileRecording)
-    key = (state, layout.key, repr(meta), repr(steps))
-    content = {"path": state.path, "layout": layout, "_state": state, "_steps": steps, "_key": key}
-    for name, value in (content | {"_meta": meta}).items():
+    key = (states, layout.key, repr(meta), repr(steps))
+    content = {"path": states[0].path, "layout": layout, "_states": states, "_steps": steps}
+    for name, value in (content | {"_key": key, "_meta": meta}).items():
         object.__setattr__(recording, name, value)
     return recording
 
@@ -301,7 +322,8 @@ class RecordingFolder(Sequence[Recording]):
         How each file is read.
     pattern : str
         Which files: as for `pathlib.Path.glob`. Default: all in the folder and its subfolders.
-        Only types of files that are known are opened; hidden files are not.
+        Only types of files that are known are opened; hidden files are not, nor those that are
+        second files of others by the layout.
 
     Attributes
     ----------
@@ -332,7 +354,7 @@ class RecordingFolder(Sequence[Recording]):
         self.folder, self.layout, self.pattern = Path(folder).absolute(), layout, pattern
         if not self.folder.is_dir():
             raise FileNotFoundError(f"there is no folder {str(folder)!r}.")
-        self.paths = sorted(recording_files(self.folder, pattern))
+        self.paths = recording_files(self.folder, pattern, layout)
         if not self.paths:
             raise ValueError(
                 f"no file in {str(folder)!r} matches {pattern!r} and is of one of the types "
@@ -353,8 +375,20 @@ class RecordingFolder(Sequence[Recording]):
         return f"RecordingFolder({str(self.folder)!r}, {len(self)} recordings)"
 
 
-def recording_files(folder: Path, pattern: str = "**/*") -> Iterator[Path]:
-    """Yield the files of a folder that can be recordings: of a known type, and not hidden."""
-    for path in folder.glob(pattern):
-        if path.suffix.lower() in READERS and not path.name.startswith(".") and path.is_file():
-            yield path
+def recording_files(
+    folder: Path, pattern: str = "**/*", layout: Layout | None = None
+) -> list[Path]:
+    """Return the files of a folder that can be recordings, sorted.
+
+    They are of a known type, not hidden, and not second files of others by the layout.
+    """
+    found = {
+        path
+        for path in folder.glob(pattern)
+        if path.suffix.lower() in READERS and not path.name.startswith(".") and path.is_file()
+    }
+    others: set[Path] = set()
+    for path in found:
+        with suppress(ValueError):  # of a name that the pattern of meta does not fit
+            others.update(() if layout is None else layout.files_of(path)[1:])
+    return sorted(found - others)

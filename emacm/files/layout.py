@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from math import isfinite
 from numbers import Real
 from pathlib import Path, PurePath
@@ -18,7 +18,8 @@ from emacm._checks import check_number, located
 from emacm.files.toml_files import read_toml
 from emacm.recordings.names import chosen_channels, printable, split_unit
 
-_TACHO = ("column", "pulses_per_rev", "threshold", "hysteresis", "edge", "repair")
+_SECOND = ("file", "column", "fs", "time")  # of the shaft in a second file
+_TACHO = (*_SECOND, "pulses_per_rev", "threshold", "hysteresis", "edge", "repair")
 _FIELDS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "": (r"[^/]+", str),
     "d": (r"[+-]?\d+", int),
@@ -38,24 +39,30 @@ class Layout:
     Parameters
     ----------
     fs : float, str or mapping of str to float, optional
-        Sampling rate [Hz]; or the name of a number in the file; or a rate for each column.
-        Default: what the file states, or the rate of its column of times.
+        Sampling rate [Hz], or the name of a number in the file; or either one for each column, as
+        ``{"vibration": 10_000, "rpm": "fs_rpm"}``. Default: what the file states (a number "fs",
+        or "fs_rpm" for the column "rpm"), or the rate of its column of times.
     time : str or False, optional
         Column with the time of each sample. Default: a column that is named like one. False: such
         a column is ignored.
     channels : sequence of str or mapping of str to str, optional
         Columns that are channels, or the column of each channel. Default: all columns but those of
         time and shaft.
-    velocity : float or str, optional
+    velocity : float, str or mapping, optional
         Constant speed of the shaft; or the column (or the number in the file) that holds it. rad/s
         unless `units`, the name of the column or the file states another unit; a text with a
         number and a unit, as "1797 rpm", is a constant speed; "speed|1797 rpm" is one for files
-        without a column "speed".
-    angle : str, optional
-        Column with the shaft angle, cumulative or wrapped; rad unless another unit is stated.
+        without a column "speed". In a second file: ``{"file": "{stem}_speed.csv", "column":
+        "speed [rpm]"}``, where {stem} is the name of the first file without its suffix, and fields
+        of `meta` may be used; "fs" (or "time") states its rate (or column of times). Both files
+        are aligned by their times; without these, they must start at the same instant.
+    angle : str or mapping, optional
+        Column with the shaft angle, cumulative or wrapped; rad unless another unit is stated. In a
+        second file: as for `velocity`.
     tacho : str or mapping, optional
         Column of a tachometer (one pulse per revolution), or a mapping with "column",
-        "pulses_per_rev" and the other options of `emacm.angle_from_tacho`.
+        "pulses_per_rev" and the other options of `emacm.angle_from_tacho`; in a second file: with
+        "file", as for `velocity`.
     units : mapping of str to str, or sequence of str, optional
         Units of columns or channels, as ``{"speed": "rpm"}`` or ``["speed [rpm]"]``; of a constant
         speed, ``{"velocity": "rpm"}``.
@@ -97,8 +104,9 @@ class Layout:
             if value is not None and not is_valid(value):
                 raise TypeError(f"{name} must be {form}, got {value!r}.")
         rates = self.fs if isinstance(self.fs, Mapping) else {"": self.fs}
-        for name, rate in {} if isinstance(self.fs, str | None) else rates.items():
-            check_number(rate, f"fs of {name!r}" if name else "fs", above=0, unit="Hz")
+        for name, rate in rates.items():
+            if not isinstance(rate, str | None):
+                check_number(rate, f"fs of {name!r}" if name else "fs", above=0, unit="Hz")
         if not isinstance(self.channels, Mapping):
             chosen_channels(self.channels, ())
         object.__setattr__(self, "units", _checked_units(self.units))
@@ -153,6 +161,51 @@ class Layout:
         """Column of the tachometer."""
         return self.tacho["column"] if isinstance(self.tacho, Mapping) else self.tacho
 
+    @property
+    def _second(self) -> tuple[str, dict[str, Any]] | None:
+        """Which shaft reference is in a second file, and its options."""
+        for name in ("velocity", "angle", "tacho"):
+            value = getattr(self, name)
+            if isinstance(value, Mapping) and "file" in value:
+                return name, dict(value)
+        return None
+
+    def of_second_file(self) -> Layout | None:
+        """Return the layout of the second file, if the shaft is in one."""
+        if self._second is None:
+            return None
+        name, options = self._second
+        del options["file"]
+        others = {key: options.pop(key, None) for key in ("fs", "time")}
+        reference = options if name == "tacho" else options["column"]
+        return replace(self, channels=None, meta=None, **{name: reference}, **others)
+
+    def files_of(self, path: str | os.PathLike[str]) -> list[Path]:
+        """Return a file, followed by the second one with the motion of its shaft, if there is one.
+
+        Raises
+        ------
+        ValueError
+            If the name of the second file has a field that is not known.
+
+        Examples
+        --------
+        >>> speed = {"file": "{stem}_{run:02d}.csv", "column": "rpm"}
+        >>> [path.name for path in Layout(velocity=speed, meta="A_{run:d}").files_of("A_7.wav")]
+        ['A_7.wav', 'A_7_07.csv']
+        """
+        first = Path(path)
+        if self._second is None:
+            return [first]
+        pattern, known = self._second[1]["file"], {"stem": first.stem} | self.meta_of(path)
+        try:
+            return [first, first.parent / pattern.format_map(known)]
+        except (KeyError, IndexError, ValueError, AttributeError) as error:
+            raise ValueError(
+                f"the second file {pattern!r} of the layout must be a name with fields of "
+                f"{list(known)}, as in '{{stem}}_speed.csv'."
+            ) from error
+
     def meta_of(self, path: str | os.PathLike[str]) -> dict[Any, Any]:
         """Return the meta of a file.
 
@@ -189,6 +242,11 @@ def _is_tacho(value: Any) -> bool:
     return _is_name(column) and (column is value or not set(value) - set(_TACHO))
 
 
+def _is_column(value: Any) -> bool:
+    is_second = isinstance(value, Mapping) and {"file", "column"} <= set(value) <= set(_SECOND)
+    return _is_name(value) or (is_second and _is_name(value["file"]) and _is_name(value["column"]))
+
+
 def _are_names(value: Any) -> bool:
     """Tell whether a mapping has names, and is of names; other forms are checked elsewhere."""
     return not isinstance(value, Mapping) or (
@@ -196,11 +254,12 @@ def _are_names(value: Any) -> bool:
     )
 
 
+_COLUMN = "the name of a column, or a mapping with 'file' and 'column' of a second file"
 _FORMS: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "time": ("the name of a column, or False", lambda value: value is False or _is_name(value)),
     "channels": ("names, or map names to names of columns", _are_names),
-    "velocity": ("a number, or the name of a column", lambda v: _is_name(v) or _is_number(v)),
-    "angle": ("the name of a column", _is_name),
+    "velocity": (f"a number, {_COLUMN}", lambda value: _is_column(value) or _is_number(value)),
+    "angle": (_COLUMN, _is_column),
     "tacho": (f"the name of a column, or a mapping with 'column' of {list(_TACHO)}", _is_tacho),
 }
 
