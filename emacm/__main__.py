@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NoReturn
 
 from emacm._version import __version__
 from emacm.commands.parsers import add_parsers
@@ -33,12 +34,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for ``score``, 1 if a decision of ``--fail-on`` was made, and 3 if files failed.
     """
     parser = _parser()
-    options, others = parser.parse_known_args(arguments)
-    if options.command == "reproduce":
-        options.others = others
-    elif others:
-        parser.error(f"unrecognized arguments: {' '.join(others)}")
     try:
+        options, others = parser.parse_known_args(arguments)
+        if options.command == "reproduce":
+            options.others = others
+        elif others:
+            parser.error(f"unrecognized arguments: {' '.join(others)}")
         with _signals_as_interruption():
             return options.run(options) or 0
     except (ImportError, OSError, TypeError, ValueError) as error:
@@ -58,9 +59,17 @@ def _stated(error: Exception) -> str:
     return str(error)
 
 
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line, like those of the commands."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise a ValueError."""
+        raise ValueError(f"{message}. See {self.prog} --help.")
+
+
 def _parser() -> argparse.ArgumentParser:
     module = Path(sys.argv[0]).name == "__main__.py"
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="python -m emacm" if module else "emacm",
         description="Condition monitoring of rotating machines by computed order tracking.",
     )

@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from emacm.commands.inspect import contents_of, draft_layout
-from emacm.commands.parsers import expanded
+from emacm.commands.paths import expanded
 from emacm.files.folder import open_recording
 from emacm.files.layout import Layout
 from emacm.machine.rolling import bearing_of
@@ -29,11 +29,15 @@ def run(options: argparse.Namespace) -> int:
     int
         0; 1 if a fault is named; 3 if there is no answer for some of the files.
     """
-    parts, paths = parts_of_options(options), expanded(options.paths)
-    layout = layout_of_options(options, paths[0])
+    parts = parts_of_options(options)
+    layout = layout_of_options(options, expanded(options.paths, None, options.pattern)[0])
+    paths = expanded(options.paths, layout, options.pattern)
     healthy = None
     if options.healthy is not None:
-        known = [open_recording(path, layout) for path in expanded([options.healthy])]
+        known = [
+            open_recording(path, layout)
+            for path in expanded([options.healthy], layout, options.pattern)
+        ]
         healthy = healthy_scores(known, parts)
     rows: list[dict[str, Any]] = []
     for path in paths:
@@ -56,21 +60,9 @@ def run(options: argparse.Namespace) -> int:
 
 
 def parts_of_options(options: argparse.Namespace) -> list[Any]:
-    """Return the parts of the machine that --bearing and --parts state.
-
-    Raises
-    ------
-    ValueError
-        If there is none.
-    """
+    """Return the parts of the machine that --bearing and --parts state."""
     parts = [bearing_of(options.bearing)] if options.bearing else []
-    parts += read_parts(options.parts) if options.parts else []
-    if not parts:
-        raise ValueError(
-            "the parts of the machine are not known: give --bearing 6205, or its geometry as "
-            "--bearing 9,7.94,39.04, or --parts FILE."
-        )
-    return parts
+    return parts + (read_parts(options.parts) if options.parts else [])
 
 
 def layout_of_options(options: argparse.Namespace, path: Path) -> Layout:

@@ -1,32 +1,13 @@
-"""Options of the commands on files. What a command needs is imported when it runs."""
+"""Options of the commands on files, checked at once; what a command needs is imported later."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
-
-from emacm.files.folder import recording_files
-
-
-def expanded(paths: Sequence[Path], *, may_be_empty: bool = False) -> list[Path]:
-    """Return files, and in place of folders the files in them, sorted.
-
-    Raises
-    ------
-    ValueError
-        If a folder has no file of a known type, unless it `may_be_empty`.
-    """
-    found: list[Path] = []
-    for path in paths:
-        files = sorted(recording_files(path)) if path.is_dir() else [path]
-        if not files and not may_be_empty:
-            raise ValueError(f"the folder {str(path)!r} has no file of a known type.")
-        found += files
-    return list(dict.fromkeys(found))
 
 
 def add_parsers(commands: Any) -> None:
@@ -44,11 +25,25 @@ def add_parsers(commands: Any) -> None:
 Add = Callable[..., Any]
 
 
-def _command(commands: Any, name: str, meaning: str, statuses: str | None = None) -> Add:
-    """Add a command, whose module is imported when it runs; return what adds its options."""
+def _command(
+    commands: Any,
+    name: str,
+    meaning: str,
+    statuses: str | None = None,
+    check: Callable[[argparse.Namespace], None] = lambda options: None,
+) -> Add:
+    """Add a command, whose module is imported when it runs; return what adds its options.
+
+    What `check` states of the options together is known before these imports, which take seconds.
+    """
     status = f"Exit status: {statuses}" if statuses else None
     parser = commands.add_parser(name, help=meaning, description=f"{meaning}.", epilog=status)
-    parser.set_defaults(run=lambda options: import_module(f"emacm.commands.{name}").run(options))
+
+    def run(options: argparse.Namespace) -> int:
+        check(options)
+        return import_module(f"emacm.commands.{name}").run(options)
+
+    parser.set_defaults(run=run)
     return parser.add_argument
 
 
@@ -58,6 +53,36 @@ def _writable(text: str) -> Path:
     if not path.parent.is_dir():
         raise argparse.ArgumentTypeError(f"there is no folder {str(path.parent)!r}")
     return path
+
+
+def _existing(text: str) -> Path:
+    """Return the path of a file or folder that is there.
+
+    Raises
+    ------
+    FileNotFoundError
+        If it is not; also while arguments are parsed, this is one line for the user.
+    """
+    path = Path(text)
+    if not path.exists():
+        raise FileNotFoundError(f"there is no file {text!r}.")
+    return path
+
+
+def _above_zero(text: str) -> float:
+    """Return a number above 0; infinity is one."""
+    number = float(text)
+    if not number > 0:
+        raise argparse.ArgumentTypeError(f"expected a number above 0, got {text!r}")
+    return number
+
+
+def _probability(text: str) -> float:
+    """Return a number above 0 and below 1."""
+    number = float(text)
+    if not 0 < number < 1:
+        raise argparse.ArgumentTypeError(f"expected a number above 0 and below 1, got {text!r}")
+    return number
 
 
 def _inspect(command: Add) -> None:
@@ -73,21 +98,24 @@ def _find(command: Add) -> None:
         "name faults of bearings and gears from the geometry, without training",
         "0 if no fault is named; 1 if one is; 2 for invalid arguments; 3 if there is no answer for "
         "some of the files.",
+        _check_parts,
     )
     _add_files(add, needs_layout=False)
     _add_parts(add)
     speed = "constant speed [rpm], if the files do not state it"
-    add("--speed", type=float, metavar="RPM", help=speed)
+    add("--speed", type=_above_zero, metavar="RPM", help=speed)
     healthy = "folder of files of the same machine without faults"
-    add("--healthy", type=Path, metavar="FOLDER", help=healthy)
+    add("--healthy", type=_existing, metavar="FOLDER", help=healthy)
     add("--out", type=_writable, metavar="CSV", help="table with all scores")
     add("--plot", type=Path, metavar="DIR", help="folder for a picture of each finding")
 
 
 def _train(command: Add) -> None:
-    add = command("train", "fit a recipe on the files of a folder, evaluate and save the model")
-    add("layout", metavar="LAYOUT", type=Path, help="layout of the files (TOML)")
-    add("folder", metavar="FOLDER", type=Path, help="folder of the files")
+    meaning = "fit a recipe on the files of a folder, evaluate and save the model"
+    add = command("train", meaning, check=_check_recipe)
+    add("layout", metavar="LAYOUT", type=_existing, help="layout of the files (TOML)")
+    add("folder", metavar="FOLDER", type=_existing, help="folder of the files")
+    _add_pattern(add)
     add("--labels", required=True, metavar="KEY", help="key of meta with the state of the machine")
     groups = "key of meta with the unit or run; the evaluation leaves out whole ones"
     add("--groups", required=True, metavar="KEY", help=groups)
@@ -100,7 +128,7 @@ def _train(command: Add) -> None:
     add("--out", required=True, type=_writable, metavar="MODEL", help="file of the model")
     add("--healthy", metavar="LABEL", help="label of the healthy state; default: healthy or normal")
     _add_extent(add)
-    add("--cost", type=Path, metavar="CSV", help="costs, as for score")
+    add("--cost", type=_existing, metavar="CSV", help="costs, as for score")
     add("--priors", metavar="P", help="priors, as for score")
     add("--note", metavar="TEXT", help="text that is stored in the model file")
     add("--jobs", type=int, default=1, metavar="N", help="folds in parallel")
@@ -114,16 +142,21 @@ def _score(command: Add) -> None:
         "arguments, model or layout; 3 if files failed (their rows state why); 130 if it was "
         "interrupted.",
     )
-    add("model", metavar="MODEL", type=Path, help="file of emacm.save_model")
+    add("model", metavar="MODEL", type=_existing, help="file of emacm.save_model")
     _add_files(add)
     table = "table (.csv, .jsonl or .parquet), which is continued; default: CSV on standard output"
     add("--out", type=_writable, metavar="FILE", help=table)
     add("--jobs", type=int, default=1, metavar="N", help="files in parallel")
-    add("--cost", type=Path, metavar="CSV", help="costs: rows are decisions, columns truths")
+    add("--cost", type=_existing, metavar="CSV", help="costs: rows are decisions, columns truths")
     add("--priors", metavar="P", help="'uniform', or as in healthy=0.9,inner=0.04,outer=0.06")
     status = "exit status 1 if one of these decisions is made"
     add("--fail-on", default="", metavar="STATE,...", help=status)
-    add("--watch", type=float, metavar="SECONDS", help="look for new files at this interval [s]")
+    add(
+        "--watch",
+        type=_above_zero,
+        metavar="SECONDS",
+        help="look for new files at this interval [s]",
+    )
     add("--again", action="store_true", help="decide again on files that are in the table")
     add("--report", type=Path, metavar="DIR", help="write maintenance reports into this folder")
     _add_report_options(add)
@@ -136,11 +169,16 @@ def _monitor(command: Add) -> None:
         "0 if all rows were processed; 2 for invalid arguments, model or layout; 3 if rows were "
         "invalid and skipped (a line states why); 130 if it was interrupted.",
     )
-    add("model", metavar="MODEL", type=Path, help="file of emacm.save_model")
+    add("model", metavar="MODEL", type=_existing, help="file of emacm.save_model")
     add("source", metavar="FILE", help="text file that grows; - for the standard input")
-    add("--layout", required=True, type=Path, metavar="L", help="layout of the rows (TOML)")
-    add("--max-speed", required=True, type=float, metavar="N", help="highest speed [rad/s]")
-    add("--every", type=float, metavar="N", help="length of a reading; default: one at the end")
+    add("--layout", required=True, type=_existing, metavar="L", help="layout of the rows (TOML)")
+    add("--max-speed", required=True, type=_above_zero, metavar="N", help="highest speed [rad/s]")
+    add(
+        "--every",
+        type=_above_zero,
+        metavar="N",
+        help="length of a reading; default: one at the end",
+    )
     add("--unit", choices=("revolutions", "s"), default="revolutions", help="unit of --every")
     add("--wrapped", action="store_true", help="the angle is wrapped at 2 pi (or 360 degrees)")
     state = "file of the state, from which an interrupted run goes on"
@@ -151,12 +189,12 @@ def _monitor(command: Add) -> None:
 
 def _report(command: Add) -> None:
     add = command("report", "write maintenance reports of files, an HTML page for each")
-    add("model", metavar="MODEL", type=Path, help="file of emacm.save_model")
+    add("model", metavar="MODEL", type=_existing, help="file of emacm.save_model")
     _add_files(add)
     out = "folder of the pages, or one file that ends with .html (default: report)"
     add("--out", type=Path, default=Path("report"), metavar="DIR", help=out)
     history = "table of earlier results, of emacm score"
-    add("--history", type=Path, metavar="FILE", help=history)
+    add("--history", type=_existing, metavar="FILE", help=history)
     _add_report_options(add)
 
 
@@ -167,7 +205,7 @@ def _trend(command: Add) -> None:
         "0; 1 if --fail-on-alarm is given and the latest recording of a unit exceeds its limit; 2 "
         "for invalid arguments or too few healthy groups; 3 if files failed.",
     )
-    add("healthy", metavar="HEALTHY", type=Path, nargs="?", help="folder of healthy files")
+    add("healthy", metavar="HEALTHY", type=_existing, nargs="?", help="folder of healthy files")
     _add_files(add, "*")
     groups = "key of meta with the run of a healthy file; whole ones are left out for the limit"
     add("--groups", metavar="KEY", help=groups)
@@ -175,13 +213,13 @@ def _trend(command: Add) -> None:
         "table of emacm score, in place of files, HEALTHY and --groups; the index is -log10 of "
         "P(healthy) or of the typicality, whichever is smaller; its limit that of --false-alarm"
     )
-    add("--results", type=Path, metavar="TABLE", help=results)
+    add("--results", type=_existing, metavar="TABLE", help=results)
     add("--state", metavar="LABEL", help="healthy state in TABLE; default: healthy or normal")
     add("--unit", metavar="KEY", help="key of meta with the unit")
     _add_parts(add)
     _add_time(add)
     rate = "probability that a healthy recording exceeds the limit (default: 0.05)"
-    add("--false-alarm", type=float, default=0.05, metavar="P", help=rate)
+    add("--false-alarm", type=_probability, default=0.05, metavar="P", help=rate)
     add("--out", type=_writable, metavar="CSV", help="table (default: standard output)")
     add("--plot", type=_writable, metavar="PNG", help="draw the trend of each unit")
     alarm = "exit status 1 if a unit exceeds its limit"
@@ -195,7 +233,14 @@ def _add_files(add: Add, number: str = "+", *, needs_layout: bool = True) -> Non
     layout = "layout of the files (TOML)"
     if not needs_layout:
         layout += "; default: as emacm inspect drafts it, if it leaves nothing open"
-    add("--layout", required=needs_layout, type=Path, metavar="L", help=layout)
+    add("--layout", required=needs_layout, type=_existing, metavar="L", help=layout)
+    _add_pattern(add)
+
+
+def _add_pattern(add: Add) -> None:
+    """Add which files of folders are read."""
+    pattern = "which files of folders, as '*_vib.csv'; default: all, also in subfolders"
+    add("--pattern", default="**/*", metavar="GLOB", help=pattern)
 
 
 def _add_parts(add: Add) -> None:
@@ -206,7 +251,25 @@ def _add_parts(add: Add) -> None:
         "components of the machine: tables such as [[Bearing]] with n_balls, ball_diameter, "
         "pitch_diameter, name; [orders] with BPFI = 5.4"
     )
-    add("--parts", type=Path, metavar="TOML", help=parts)
+    add("--parts", type=_existing, metavar="TOML", help=parts)
+
+
+def _check_parts(options: argparse.Namespace) -> None:
+    if not (options.bearing or options.parts):
+        raise ValueError(
+            "the parts of the machine are not known: give --bearing 6205, or its geometry as "
+            "--bearing 9,7.94,39.04, or --parts FILE."
+        )
+
+
+def _check_recipe(options: argparse.Namespace) -> None:
+    if options.recipe == "bearing":
+        _check_parts(options)
+    elif options.bearing or options.parts:
+        raise ValueError(
+            f"--recipe {options.recipe} has no use for --bearing and --parts. Leave them out, or "
+            f"give --recipe bearing."
+        )
 
 
 def _add_time(add: Add) -> None:
@@ -218,9 +281,9 @@ def _add_time(add: Add) -> None:
 def _add_extent(add: Add) -> None:
     """Add the range of the order spectra."""
     orders = "highest order; default: what all recordings support, at most 20"
-    add("--max-order", type=float, metavar="N", help=orders)
+    add("--max-order", type=_above_zero, metavar="N", help=orders)
     length = "revolutions per segment; default: half of the shortest recording, at most 16"
-    add("--revolutions", type=float, metavar="N", help=length)
+    add("--revolutions", type=_above_zero, metavar="N", help=length)
     speed = "speed up to which the shaft counts as standing still [rad/s]"
     add("--min-speed", type=float, default=0.0, metavar="N", help=speed)
 
@@ -228,7 +291,7 @@ def _add_extent(add: Add) -> None:
 def _add_report_options(add: Add) -> None:
     """Add what the reports of ``emacm report`` and ``emacm score`` have in common."""
     actions = "recommended action for each decision: TOML, decision = 'text'"
-    add("--actions", type=Path, metavar="TOML", help=actions)
+    add("--actions", type=_existing, metavar="TOML", help=actions)
     _add_parts(add)
     add("--unit", metavar="KEY", help="key of meta with the unit, for 'since when' in reports")
     _add_time(add)

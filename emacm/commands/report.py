@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from emacm.commands.find import parts_of_options
-from emacm.commands.parsers import expanded
+from emacm.commands.paths import expanded
 from emacm.files.folder import open_recording
 from emacm.files.layout import Layout
 from emacm.recordings.names import printable
@@ -29,7 +29,7 @@ def run(options: argparse.Namespace) -> int:
         0; 3 if there is no decision on some of the files, whose pages state why.
     """
     layout = Layout.from_toml(options.layout)
-    paths = expanded(options.paths)
+    paths = expanded(options.paths, layout, options.pattern)
     reports = FileReports(options, layout, options.out)
     history = None if options.history is None else inputs.read_results(options.history)
     last, failed = reports.write(paths, history)

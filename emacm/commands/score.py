@@ -20,7 +20,7 @@ import pandas as pd
 from joblib import effective_n_jobs
 
 from emacm._saved import locked, written_whole
-from emacm.commands.parsers import expanded
+from emacm.commands.paths import expanded
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import final_estimator
 from emacm.files.folder import open_recording
@@ -160,13 +160,11 @@ def run(options: argparse.Namespace) -> int:
     int
         0; 1 if a decision of ``--fail-on`` was made; 3 if files failed.
     """
-    if options.watch is not None and not options.watch > 0:
-        raise ValueError(f"--watch must be a number of seconds above 0, got {options.watch}.")
     layout, model = Layout.from_toml(options.layout), load_model(options.model)
     check_model(model)
     set_costs(model, options.cost, options.priors)
     alarms = _alarms(model, options.fail_on)
-    expanded(options.paths, may_be_empty=options.watch is not None)
+    expanded(options.paths, layout, options.pattern, may_be_empty=options.watch is not None)
     with nullcontext() if options.out is None else locked(options.out.resolve()):
         work = _Work(model, layout, options)
         rows = work.once()
@@ -223,9 +221,10 @@ class _Work:
     def _paths(self, settled: float = 2.0) -> Iterator[Path]:
         """Yield the files but the table; with --watch, one changed just now may be incomplete."""
         now, table = time.time(), None if self._table is None else self._table.path
-        for path in expanded(self._options.paths, may_be_empty=True):
+        options = self._options
+        for path in expanded(options.paths, self._layout, options.pattern, may_be_empty=True):
             written = path.stat().st_mtime if path.is_file() else 0.0
-            is_settled = self._options.watch is None or abs(now - written) > settled
+            is_settled = options.watch is None or abs(now - written) > settled
             if is_settled and path.resolve() != table:
                 yield path
 

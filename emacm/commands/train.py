@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
         0.
     """
     layout = Layout.from_toml(options.layout)
-    recordings = RecordingFolder(options.folder, layout)
+    recordings = RecordingFolder(options.folder, layout, options.pattern)
     if layout.meta is None:
         raise ValueError(
             f"the layout {options.layout} has no meta, where --labels and --groups are found. Add "
@@ -50,13 +50,7 @@ def run(options: argparse.Namespace) -> int:
     groups = read_meta(recordings, options.groups, role="--groups")
     healthy = healthy_label(labels, options.healthy, "--healthy")
     max_order, revolutions = extent(recordings, options)
-    if options.recipe == "bearing":
-        parts = parts_of_options(options)
-        model = bearing_recipe(
-            parts, revolutions=revolutions, min_speed=options.min_speed, classifier=_classifier()
-        )
-    else:
-        model = _model(options.recipe, max_order, revolutions, options.min_speed)
+    model = _model(options, max_order, revolutions)
     set_costs(model, options.cost, options.priors)
     orders = "" if options.recipe == "bearing" else f"orders up to {max_order:g}, "
     print(
@@ -94,16 +88,16 @@ def extent(
     return orders, check_number(length, "the length of a segment (--revolutions)", above=0)
 
 
-def _model(recipe: str, max_order: float, revolutions: float, min_speed: float) -> Pipeline:
+def _model(options: argparse.Namespace, max_order: float, revolutions: float) -> Pipeline:
     """Return the unfitted pipeline of a recipe."""
-    if recipe == "actuator":
-        return actuator_recipe(max_order=max_order, revolutions=revolutions, min_speed=min_speed)
-    return make_pipeline(*order_levels(max_order, revolutions, min_speed), _classifier())
-
-
-def _classifier() -> CostSensitiveGaussianBayes:
+    common: dict[str, Any] = {"revolutions": revolutions, "min_speed": options.min_speed}
+    if options.recipe == "actuator":
+        return actuator_recipe(max_order=max_order, **common)
     unknown: dict[str, Any] = {"unknown": "unknown", "unknown_rate": 0.02, "temperature": "groups"}
-    return CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", **unknown)
+    classifier = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", **unknown)
+    if options.recipe == "bearing":
+        return bearing_recipe(parts_of_options(options), classifier=classifier, **common)
+    return make_pipeline(*order_levels(max_order, **common), classifier)
 
 
 def order_levels(

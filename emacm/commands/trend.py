@@ -15,7 +15,7 @@ from emacm._checks import check_number, located
 from emacm._saved import written_whole
 from emacm.alarms.health_index import HealthIndex, health_trend
 from emacm.commands.find import parts_of_options
-from emacm.commands.parsers import expanded
+from emacm.commands.paths import expanded
 from emacm.commands.train import extent, order_levels
 from emacm.files.folder import RecordingFolder, open_recording
 from emacm.files.layout import Layout
@@ -66,8 +66,8 @@ def _from_files(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
             "trend needs a folder of HEALTHY files, PATHs of others and --groups; or --results, a "
             "table of emacm score."
         )
-    paths = expanded(options.paths)
-    healthy = RecordingFolder(options.healthy, layout)
+    paths = expanded(options.paths, layout, options.pattern)
+    healthy = RecordingFolder(options.healthy, layout, options.pattern)
     groups = read_meta(healthy, options.groups, role="--groups")
     units = None if options.unit is None else read_meta(healthy, options.unit, role="--unit")
     new_units, times = units_and_times(paths, layout, options.unit, options.time)

@@ -172,7 +172,7 @@ def test_a_stream_without_rows_is_named(here, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--max-speed", "-3"), "max_speed must be"),
+        (("--max-speed", "-3"), "--max-speed: expected a number above 0"),
         (("--state", "x", "-"), "needs a file"),
     ],
 )

@@ -67,6 +67,16 @@ def run(*arguments, paths=("files",)):
     return main(["score", "model.emacm", *paths, "--layout", "layout.toml", *arguments])
 
 
+def test_a_pattern_chooses_files_of_folders(here, capsys):
+    assert run("--pattern", "worn_*.npz", "--fail-on", "worn") == 1
+    rows = capsys.readouterr().out.splitlines()[1:]
+    assert [row.split(",")[0] for row in rows] == [
+        f"files/worn_{number}.npz" for number in ("02", "05", "08", "11")
+    ]
+    assert run("--pattern", "*.wav") == 2
+    assert "matches '*.wav'" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_the_standard_output_is_the_table_of_score(here, capsys):
     assert run() == 0
@@ -130,7 +140,7 @@ def test_a_failed_file_is_status_3_and_the_table_is_complete(here, capsys):
         (["--priors", "ok"], ["files"], "--priors must be 'uniform' or as in"),
         (["--priors", "ok=0.5"], ["files"], "priors"),
         (["--cost", "none.csv"], ["files"], "none.csv"),
-        (["--watch", "-1"], ["files"], "--watch must be a number of seconds above 0"),
+        (["--watch", "-1"], ["files"], "--watch: expected a number above 0"),
         ([], ["empty"], "has no file of a known type"),
     ],
 )

@@ -127,15 +127,29 @@ def test_an_invalid_command_is_status_2_and_one_line(here, capsys, options, mess
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["train", "layout.toml", "files", "--labels", "state", "--out", "none/model.emacm"],
+        [
+            "train",
+            "layout.toml",
+            "files",
+            "--labels",
+            "state",
+            "--groups",
+            "u",
+            "--out",
+            "none/model.emacm",
+        ],
         ["score", "model.emacm", "files", "--layout", "layout.toml", "--out", "none/table.csv"],
         ["trend", "files", "files", "--layout", "layout.toml", "--out", "none/trend.csv"],
         ["inspect", "run.csv", "--draft", "none/layout.toml"],
     ],
 )
-def test_a_missing_folder_of_the_result_is_an_error_at_once(capsys, arguments):
-    with pytest.raises(SystemExit, match="2"):
-        main(arguments)
+def test_a_missing_folder_of_the_result_is_an_error_at_once(
+    tmp_path, monkeypatch, capsys, arguments
+):
+    monkeypatch.chdir(tmp_path)
+    for name in ("layout.toml", "files", "model.emacm", "run.csv"):
+        Path(name).touch()
+    assert main(arguments) == 2
     assert "there is no folder 'none'" in capsys.readouterr().err
 
 
@@ -146,6 +160,22 @@ def test_a_layout_without_meta_is_an_error_with_an_example(here, capsys):
     assert "layout.toml has no meta" in message
     assert "'U0_healthy_0.npz'" in message
     assert 'meta = "{unit}_{state}_{run:d}"' in message
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--bearing", "6205"], "--recipe orders has no use for --bearing and --parts"),
+        (["--recipe", "bearing"], "give --bearing 6205"),
+        (["--max-order", "0"], "argument --max-order: expected a number above 0, got '0'"),
+        (["--cost", "none.csv"], "there is no file 'none.csv'"),
+    ],
+)
+def test_options_that_cannot_be_are_refused_without_reading_files(here, capsys, options, message):
+    assert train(*options) == 2
+    printed = capsys.readouterr().err
+    assert message in printed
+    assert printed.count("\n") == 1
 
 
 def test_a_bad_file_is_named(here, capsys):

@@ -128,7 +128,10 @@ def test_results_give_the_trend_of_the_rarer_of_health_and_typicality(results, c
         ([], "--state must name the healthy state"),
         (["--state", "old"], "got 'old'"),
         (["--state", "ok", "--groups", "day"], "leave out HEALTHY and --groups"),
-        (["--state", "ok", "--false-alarm", "2"], "--false-alarm must be"),
+        (
+            ["--state", "ok", "--false-alarm", "2"],
+            "--false-alarm: expected a number above 0 and below 1",
+        ),
     ],
 )
 def test_results_that_cannot_be_used_are_status_2(results, capsys, arguments, message):
