@@ -27,7 +27,7 @@ CHAPTERS = {
 
 
 def main() -> None:
-    """Reproduce chapters, write the report, and print the findings that disagree."""
+    """Reproduce chapters, write the report, and print verdicts and findings that disagree."""
     parser = argparse.ArgumentParser(prog="python benchmarks/thesis", description=__doc__)
     parser.add_argument(
         "--chapter",
@@ -59,15 +59,14 @@ def main() -> None:
     ]
     write_report(options.out, chapters, quick=options.quick)
     findings = [finding for chapter in chapters for finding in chapter.findings]
-    single = [f for f in findings if f.kind == "random" and f.draws == 1]
+    for verdict in (verdict for chapter in chapters for verdict in chapter.verdicts):
+        print(verdict.text)
     for f in findings:
-        if not (f.agrees_by_range or f in single):
+        if not f.agrees_by_range:
             print(
                 f"{f.where}: published {f.published:g}, ours {f.ours:.4g} ({f.low:.4g} to "
                 f"{f.high:.4g}). {f.note}"
             )
-    if single:
-        print(f"{len(single)} random figures rest on a single draw, and are not listed here.")
     print(f"Report written: {options.out / REPORT}")
     print(counted(findings))
 

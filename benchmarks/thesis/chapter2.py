@@ -6,7 +6,7 @@ import pandas as pd
 
 from chapter2_classes import compare_components, compare_decisions, separation
 from chapter2_spectra import compare_equations, compare_resampling, compare_sine, compare_smearing
-from findings import Chapter, Report, silent
+from findings import Chapter, Report, Verdict, silent
 
 _N_DRAWS = 200
 
@@ -46,6 +46,8 @@ def reproduce_chapter2(
     compare_decisions(chapter, n_errors)
     compare_equations(chapter)
     chapter.opening = _result(chapter)
+    text = f"Chapter 2, is the method right as printed: {chapter.opening.removeprefix('Result: ')}"
+    chapter.verdicts.append(Verdict(text, "Equations as printed"))
     return chapter
 
 

@@ -127,7 +127,9 @@ def _draw_components(chapter: Chapter, fit: PCA) -> None:
         label_axes(ax, f"y{k + 1}", f"density of y{k + 1}")
     legend_above(axes[0, 1])
     chapter.draw(
-        "Fig. 2.10", figure, "Densities of Eqs. (2.33) and (2.34): the classes differ only in y3."
+        "Fig. 2.10",
+        figure,
+        "Densities of Eqs. (2.33) and (2.34): the classes differ in y3, and in the scatter of y2.",
     )
     values, labels = _draw_of_table_2_1(0)
     plane = fit.transform(values)[:, :2]

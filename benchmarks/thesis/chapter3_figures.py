@@ -138,12 +138,12 @@ def draw_ablation(chapter: Chapter, ablation: pd.DataFrame) -> None:
         ax.plot([values.min(), values.max()], [place] * 2, color=colour_of(place + 1), linewidth=3)
         ax.plot(values.median(), place, "D", color=colour_of(place + 1), markeredgecolor="black")
     ax.axvline(100 / len(CHAPTER3_ORDERS), color="0.4", linestyle=":", label="chance level")
-    ax.set_yticks(range(len(names)), [name.partition(", ")[0] for name in names])
+    ax.set_yticks(range(len(names)), [name.rpartition(", ")[0] for name in names])
     ax.set(xlabel="correct decisions on new runs [%]", xlim=(0, 103), ylim=(-0.6, len(names) - 0.4))
     legend_above(ax)
     chapter.draw(
         "Hertz against orders",
         figure,
-        f"Median and range of {len(ablation)} draws: bins of 10 Hz against bins of 1 order, all "
-        "else the same.",
+        f"Median and range of {len(ablation)} draws: bins of 10 Hz against bins of 1 order, "
+        "the same components and classifier; with decibels in place of powers, hertz do better.",
     )

@@ -223,6 +223,7 @@ def _hertz_against_orders(
     for name, stop_bands in (("Hz", ()), (NO_LOW_HZ, ((0, 130),))):
         bins = BinTransformer(10, max_order=500, stop_bands=stop_bands, order_step=step)
         tables[name] = np.asarray(bins.fit_transform(spectra))
+    tables |= {f"{name}, decibels": np.log10(tables[name]) for name in ("orders", "Hz")}
     found: dict[str, float] = {}
     for name, table in tables.items():
         model = _classifier().fit(table[known], labels[known])

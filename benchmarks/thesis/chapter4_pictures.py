@@ -1,4 +1,4 @@
-"""Pictures of chapter 4: Figs. 4.5 to 4.72, and the orders that determine the decisions."""
+"""Pictures of chapter 4: Figs. 4.7 to 4.72, and the orders that determine the decisions."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ import numpy as np
 import pandas as pd
 
 from chapter4_spectra import SIGNALS, UNITS, Campaign
-from chapter4_study import SCHEMES, Model, Study, explained_shares
-from emacm.displays._drawing import PLAIN, offscreen_panels
-from emacm.displays.contributions import ContributionsDisplay
+from chapter4_study import SCHEMES, Model, Study
+from emacm.displays._drawing import offscreen_panels
 from emacm.displays.outcomes import OutcomesDisplay
 from emacm.displays.planes import DecisionRegionsDisplay
 from emacm.displays.power import OrderBinsDisplay, OrderSpectrumDisplay
@@ -21,11 +20,6 @@ from findings import Chapter
 
 _FIRST, _PER_CONDITION = 5, 12  # Fig. 4.5 is the first of condition 1, which has 12 figures
 _SHOWN = 4.0  # s of a recording
-_COMMAND_RATE = 1000.0  # Hz: sampling rate of the drawn commands and feedbacks
-_FOLLOWED = (
-    ("position [in]", "position_command", "lvdt"),
-    ("load [lbf]", "load_command", "load_cell"),
-)
 _RING = FAULT_ORDERS["inner ring"][0]
 # A few marks that remain readable: the orders of section 4.5, and multiples of the inner ring.
 MARKED = {"12": 12.0, "36": 36.0} | {f"{k}xBPFI": k * _RING for k in (1, 4, 7, 10, 13)}
@@ -50,7 +44,6 @@ def draw_condition(chapter: Chapter, campaign: Campaign, study: Study, condition
         Number of the condition.
     """
     start = _FIRST + _PER_CONDITION * (condition - 1)
-    _draw_commands(chapter, campaign, condition, start)
     _draw_signals(chapter, campaign, condition, start + 2)
     frame = campaign.frame
     rows = ((frame["condition"] == condition) & (frame["run"] == 1)).to_numpy()
@@ -60,18 +53,15 @@ def draw_condition(chapter: Chapter, campaign: Campaign, study: Study, condition
     for scheme, first in zip(SCHEMES, (start + 8, start + 10), strict=True):
         chosen = [m for m in study.models if m.scheme == scheme and condition in m.conditions]
         _draw_features(chapter, chosen, condition, first)
-    _draw_shares(chapter, study, (condition,), f"condition {condition}")
 
 
-def draw_summary(chapter: Chapter, study: Study, decisions: pd.DataFrame) -> None:
-    """Draw the outcomes of all conditions, and the single classifiers.
+def draw_summary(chapter: Chapter, decisions: pd.DataFrame) -> None:
+    """Draw the outcomes of all conditions.
 
     Parameters
     ----------
     chapter : Chapter
         Receives the pictures.
-    study : Study
-        Classifiers of the first pair of units.
     decisions : DataFrame
         Result of `decide`, of all pairs.
     """
@@ -90,8 +80,6 @@ def draw_summary(chapter: Chapter, study: Study, decisions: pd.DataFrame) -> Non
             f"Outcomes by signal and condition, {_TITLES[scheme]}: test runs of all pairs of "
             "units.",
         )
-    single = [model for model in study.models if model.scheme == "single"]
-    _draw_shares(chapter, study, single[0].conditions, "all conditions")
 
 
 def _first_runs(campaign: Campaign, condition: int) -> dict[str, Recording]:
@@ -99,32 +87,6 @@ def _first_runs(campaign: Campaign, condition: int) -> dict[str, Recording]:
     frame = campaign.frame
     rows = np.flatnonzero((frame["condition"] == condition) & (frame["run"] == 1))
     return {frame["health"][row]: campaign.kept[int(row)] for row in rows}
-
-
-def _draw_commands(chapter: Chapter, campaign: Campaign, condition: int, first: int) -> None:
-    """Draw commands and feedbacks of position and load."""
-    for number, (health, recording) in enumerate(_first_runs(campaign, condition).items(), first):
-        figure, axes = offscreen_panels(2, height=4.4)
-        stop = min(_SHOWN, recording.duration)
-        for ax, (quantity, command, feedback) in zip(axes.flat, _FOLLOWED, strict=True):
-            rate = recording.fs[feedback]
-            step = round(rate / _COMMAND_RATE)
-            commanded, measured = (
-                recording.signals[name][: round(stop * rate) : step] for name in (command, feedback)
-            )
-            times = np.arange(len(commanded)) * step / rate
-            ax.plot(times, measured, color=PLAIN, linewidth=0.9, label="feedback")
-            ax.plot(times, commanded, color="black", linewidth=0.9, linestyle="--", label="command")
-            ax.set_ylabel(quantity)
-            ax.set_xlim(0, stop)
-        axes[0, 0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False)
-        axes[1, 0].set_xlabel("time [s]")
-        caption = (
-            f"Condition {condition}, {health} command signals of run 1: position and load, command "
-            "(dashed) and feedback (LVDT, load cell). With a spring, the load command depends on "
-            "the position."
-        )
-        chapter.draw(f"Fig. 4.{number}", figure, caption)
 
 
 def _draw_signals(chapter: Chapter, campaign: Campaign, condition: int, first: int) -> None:
@@ -186,34 +148,6 @@ def _draw_features(chapter: Chapter, models: list[Model], condition: int, first:
                 ax.get_legend().remove()
     caption = f"Condition {condition}, feature plane and decisions, {_TITLES[models[0].scheme]}."
     chapter.draw(_range(first), figure, caption)
-
-
-def _draw_shares(chapter: Chapter, study: Study, conditions: tuple[int, ...], where: str) -> None:
-    """Draw the share of each bin in the decisions."""
-    pairs = zip(study.models, study.explanations, strict=True)
-    chosen = [(m, table) for m, table in pairs if m.conditions == conditions]
-    bins = [table.attrs["bins"] for _, table in chosen]
-    display = ContributionsDisplay.from_table(
-        pd.concat([table.assign(contribution=100 * table["share"]) for table in bins]),
-        fault_orders=MARKED,
-        slip=0,
-        decision="the truth",
-        unit="% of its signal",
-    )
-    display.ax_[0].get_legend().remove()  # shares have no sign
-    for ax in display.ax_:
-        ax.set_ylim(bottom=0)
-    numbers = ", ".join(
-        f"{SIGNALS[model.signal.channel]} {shares['electrical noise']:.0f} and "
-        f"{shares['inner ring']:.0f} %"
-        for model, shares in ((model, explained_shares(table)) for model, table in chosen)
-    )
-    caption = (
-        f"Share of each bin in the decisions on the test runs, {where} "
-        f"({_TITLES[chosen[0][0].scheme]}). Shares of orders 12 and 36, and of the inner ring: "
-        f"{numbers}."
-    )
-    chapter.draw(f"Orders that determine the decisions, {where}", display.figure_, caption)
 
 
 def _range(first: int) -> str:

@@ -138,13 +138,14 @@ class Signal:
 
 @dataclass(frozen=True)
 class Campaign:
-    """All runs of a healthy and a degraded unit.
+    """All runs of some units.
 
     Attributes
     ----------
     frame : DataFrame
-        One row per recording: "unit", "condition", "run", "label", "severity", "health"
-        ("healthy" or "degraded") and "training" (True in the first half of the runs).
+        One row per recording: "bench" (position in `run_campaign`), "unit", "condition", "run",
+        "label", "severity", "health" (the class that a study learns: "healthy" for the first bench,
+        "degraded" for the others) and "training" (True in the first half of the runs).
     spectra : dict of str to dict of str to DataFrame of shape (n_recordings, n_orders)
         Order spectra by reading and channel [unit²/order].
     kept : dict of int to Recording
@@ -163,6 +164,41 @@ class Campaign:
         return Signal(reading, channel, self.frame, spectra, binning, bins)
 
 
+def pair(healthy: tuple[Campaign, int], degraded: tuple[Campaign, int]) -> Campaign:
+    """Return the runs of two benches, of which the second has the class "degraded".
+
+    Parameters
+    ----------
+    healthy, degraded : (Campaign, int)
+        A campaign, and the position of the bench in it.
+
+    Returns
+    -------
+    Campaign
+        With the readings that both campaigns have.
+    """
+    parts = [
+        (campaign, np.flatnonzero(campaign.frame["bench"] == bench))
+        for campaign, bench in (healthy, degraded)
+    ]
+    frame = pd.concat([campaign.frame.loc[rows] for campaign, rows in parts], ignore_index=True)
+    frame["health"] = np.repeat(["healthy", "degraded"], [len(rows) for _, rows in parts])
+    spectra = {
+        reading: {
+            channel: pd.concat(
+                [campaign.spectra[reading][channel].loc[rows] for campaign, rows in parts],
+                ignore_index=True,
+            )
+            for channel in SIGNALS
+        }
+        for reading in parts[0][0].spectra
+        if reading in parts[1][0].spectra
+    }
+    recordings = [campaign.kept.get(int(row)) for campaign, rows in parts for row in rows]
+    kept = {row: recording for row, recording in enumerate(recordings) if recording is not None}
+    return Campaign(frame, spectra, kept)
+
+
 def run_campaign(
     benches: Sequence[LaboratoryBench],
     *,
@@ -177,7 +213,7 @@ def run_campaign(
     Parameters
     ----------
     benches : sequence of LaboratoryBench
-        Units, such as `thesis_benches`.
+        Units, the healthy one first, such as `thesis_benches`.
     n_runs : int
         Runs of each unit in each condition; the first half is for training.
     readings : sequence of str
@@ -208,10 +244,12 @@ def run_campaign(
         for number in CONDITIONS
         for run in range(1, n_runs + 1)
     ]
+    n_each = len(runs) // len(benches)
     columns = ["unit", "condition", "run", "label", "severity"]
     metas = [bench.meta(number, run) for bench, number, run in runs]
     frame = pd.DataFrame(metas, columns=columns)
-    frame["health"] = np.where(frame["label"] == "healthy", "healthy", "degraded")
+    frame["bench"] = np.repeat(np.arange(len(benches)), n_each)
+    frame["health"] = np.where(frame["bench"] == 0, "healthy", "degraded")
     frame["training"] = frame["run"] <= n_runs // 2
     # Commands are recorded for the pictures of the runs that are kept.
     plain = {bench: replace(bench, commands=False) for bench in benches}

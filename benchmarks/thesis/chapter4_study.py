@@ -207,8 +207,7 @@ def explain(model: Model) -> pd.DataFrame:
     DataFrame
         One row per spectral line, the largest share first: the columns of `match_fault_orders`,
         "louder" (the unit with more power at this line) and "group" (of `expected_orders`, or
-        "none"). `attrs` contains "bins", the explanation by bins, and "chance", the percentage of
-        the order axis that each group covers.
+        "none"). `attrs["chance"]` is the percentage of the order axis that each group covers.
 
     Notes
     -----
@@ -231,11 +230,7 @@ def explain(model: Model) -> pd.DataFrame:
     ]
     table = pd.concat(parts, ignore_index=True)
     table = table.sort_values("share", ascending=False, kind="stable", ignore_index=True)
-    named = {name: order for orders in groups.values() for name, order in orders.items()}
-    table.attrs = {
-        "bins": match_fault_orders(bins, named, slip=0.0, min_width=LINE_WIDTH),
-        "chance": {group: _covered(orders, top) for group, orders in groups.items()},
-    }
+    table.attrs["chance"] = {group: _covered(orders, top) for group, orders in groups.items()}
     return table
 
 

@@ -2,53 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
+from scipy.stats import binomtest
 
 from chapter4_inputs import commanded_speed
 from chapter4_spectra import READINGS, SIGNALS, Campaign
-from chapter4_study import GROUPS, Study, explained_shares, outcome_shares
+from chapter4_study import GROUPS, SCHEMES, Study, explained_shares, outcome_shares
 from emacm.simulation.laboratory import CONDITIONS
+
+_TEST_RUNS = 100  # of the thesis: 2 units, 5 conditions, 10 runs
 
 
 def shares_table(studies: Sequence[Study]) -> pd.DataFrame:
-    """Return the shares of each group of orders in the decisions of each classifier.
+    """Return the shares of each group of orders in the decisions of each classifier, as text.
 
     Returns
     -------
     DataFrame
         One row per classifier: "signal", "conditions", for each of `GROUPS` its share and its
-        share by chance, lines at which the healthy unit has more power, the variance of the first
-        two components, and the part of the variance of the first component between conditions,
-        all in per cent. Medians over `studies` (pairs of units); "lowest" and "highest" are
-        their range.
+        share by chance, and lines at which the healthy unit has more power, in per cent: medians
+        over `studies` (pairs of units), lowest and highest.
     """
     table = pd.concat([_shares_of_one(study) for study in studies])
-    groups = table.groupby(["signal", "conditions"], sort=False)
-    lowest, highest = (
-        getattr(groups[[f"{group} [%]" for group in GROUPS]], name)() for name in ("min", "max")
-    )
-    return groups.median().join([lowest.add_suffix(", lowest"), highest.add_suffix(", highest")])
-
-
-def ranges_as_text(shares: pd.DataFrame) -> pd.DataFrame:
-    """Return a `shares_table` as text: medians with their ranges in parentheses.
-
-    Examples
-    --------
-    >>> row = {f"{group} [%]": [7.0] for group in GROUPS}
-    >>> row |= {f"{group} [%], {end}": [5.2] for group in GROUPS for end in ("lowest", "highest")}
-    >>> ranges_as_text(pd.DataFrame(row))["shaft [%]"].tolist()
-    ['7 (5 to 5)']
-    """
-    table = shares.copy()
-    for name in (f"{group} [%]" for group in GROUPS):
-        low, high = (table.pop(f"{name}, {end}") for end in ("lowest", "highest"))
-        parts = zip(table[name], low, high, strict=True)
-        table[name] = [f"{middle:.0f} ({a:.0f} to {b:.0f})" for middle, a, b in parts]
-    return table
+    return table.groupby(["signal", "conditions"], sort=False).agg(median_and_range)
 
 
 def _shares_of_one(study: Study) -> pd.DataFrame:
@@ -56,12 +35,6 @@ def _shares_of_one(study: Study) -> pd.DataFrame:
     for model, explanation in zip(study.models, study.explanations, strict=True):
         shares, chance = explained_shares(explanation), explanation.attrs["chance"]
         healthy = explanation[explanation["louder"] == "healthy"]["share"].sum()
-        training = model.signal.rows(model.conditions, training=True)
-        first = pd.Series(model.pipeline[0].transform(model.signal.bins[training])[:, 0])
-        condition = model.signal.frame["condition"][training].to_numpy()
-        between = np.nan  # a classifier of one condition has no difference between conditions
-        if model.scheme == "single":
-            between = first.groupby(condition).transform("mean").var(ddof=0) / first.var(ddof=0)
         rows.append(
             {
                 "signal": SIGNALS[model.signal.channel],
@@ -69,9 +42,6 @@ def _shares_of_one(study: Study) -> pd.DataFrame:
                 **{f"{group} [%]": shares[group] for group in GROUPS},
                 **{f"{group}, by chance [%]": chance[group] for group in GROUPS},
                 "healthy unit louder [%]": 100 * float(healthy),
-                "variance in two components [%]": 100
-                * float(model.pipeline[0].explained_variance_ratio_.sum()),
-                "feature 1 between conditions [%]": 100 * float(between),
             }
         )
     return pd.DataFrame(rows)
@@ -124,6 +94,63 @@ def outcomes_table(decisions: pd.DataFrame) -> pd.DataFrame:
     return shares.rename(index=SIGNALS, level="channel").rename_axis(
         index={"channel": "signal", "scheme": "classifier"}
     )
+
+
+def controls_table(correct: Mapping[str, pd.Series], published: pd.Series) -> pd.DataFrame:
+    """Return correct decisions of the thesis' design beside those of its controls, as text [%].
+
+    Parameters
+    ----------
+    correct : dict of str to Series
+        For each design the correct decisions [%] by scheme, channel and pair.
+    published : Series
+        Those of Tables 4.5 and 4.6, by scheme and channel.
+
+    Returns
+    -------
+    DataFrame
+        One row per scheme and signal: the published share, its 95 % interval (Clopper-Pearson, as
+        if the test runs were independent), and the median, lowest and highest of each design.
+    """
+    rows = {}
+    for (scheme, channel), share in published.items():
+        runs = binomtest(round(share * _TEST_RUNS / 100), _TEST_RUNS).proportion_ci()
+        rows[SCHEMES[scheme], SIGNALS[channel]] = {
+            "published": f"{share:g}",
+            f"95 % interval of {_TEST_RUNS} test runs": f"{100 * runs.low:.0f} to "
+            f"{100 * runs.high:.0f}",
+        } | {
+            f"{name} ({shares.index.get_level_values('pair').nunique()})": median_and_range(
+                shares[scheme, channel]
+            )
+            for name, shares in correct.items()
+        }
+    table = pd.DataFrame.from_dict(rows, orient="index")
+    table.index = pd.MultiIndex.from_tuples(rows, names=["table", "signal"])
+    return table
+
+
+def folded_table(campaign: Campaign) -> pd.DataFrame:
+    """Return which share of the power of each signal is folded from above order 100 [%]."""
+    shares = {}
+    for channel, name in SIGNALS.items():
+        linear, limited = (
+            campaign.signal(reading, channel).bins.sum(axis=1)
+            for reading in ("thesis", "band-limited")
+        )
+        shares[name] = 100 * (1 - limited / linear).groupby(campaign.frame["condition"]).median()
+    return pd.DataFrame(shares).clip(lower=0)
+
+
+def median_and_range(values: pd.Series) -> str:
+    """Return the median, the lowest and the highest value as text.
+
+    Examples
+    --------
+    >>> median_and_range(pd.Series([50.0, 97, 60]))
+    '60 (50 to 97)'
+    """
+    return f"{values.median():.0f} ({values.min():.0f} to {values.max():.0f})"
 
 
 def conditions_table(campaign: Campaign) -> pd.DataFrame:

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy import stats
 
 from chapter4_spectra import SIGNALS
 from chapter5_data import Features
@@ -15,6 +14,7 @@ from emacm.simulation.faults import FAULTS
 
 FALSE_ALARMS = 0.01
 ALL = "all signals"
+PHASED = "three phases"
 _RESAMPLES = 2000
 
 
@@ -39,32 +39,44 @@ class Detector(NamedTuple):
 
 
 def detectors(features: Features) -> dict[str, Detector]:
-    """Return the detector of each signal, and that of all signals together.
+    """Return the detector of each signal.
 
     The mean and the scatter over units and runs are those of the training units; the threshold is
     exceeded by at most 1 % of the healthy recordings of the calibration units.
     """
-    tables = features.spectra | {ALL: features.joint()}
     role = features.frame["role"]
     found = {}
-    for name, table in tables.items():
+    for name, table in features.fine.items():
         training = table[role == "training"]
         detector = Detector(training.mean(), training.std(), np.inf)
         scores = detector.deviation(table[role == "calibration"])
-        limit = np.quantile(scores, 1 - FALSE_ALARMS, method="higher")
-        found[name] = detector._replace(threshold=float(limit))
+        found[name] = detector._replace(threshold=_limit(scores))
     return found
+
+
+def _limit(scores: NDArray[np.floating]) -> float:
+    return float(np.quantile(scores, 1 - FALSE_ALARMS, method="higher"))
+
+
+def ratios(features: Features, found: dict[str, Detector]) -> pd.DataFrame:
+    """Return the deviation of each recording over the threshold, by signal.
+
+    That of `ALL` is the largest over the signals, over the value that 1 % of the healthy
+    recordings of the calibration units exceed.
+    """
+    table = pd.DataFrame(
+        {name: d.deviation(features.fine[name]) / d.threshold for name, d in found.items()}
+    )
+    largest = table.max(axis=1)
+    calibration = (features.frame["role"] == "calibration").to_numpy()
+    return table.assign(**{ALL: largest / _limit(largest[calibration].to_numpy())})
 
 
 def flagged_recordings(features: Features, found: dict[str, Detector]) -> pd.DataFrame:
     """Return one row per recording of the tested units: whether each detector responds."""
-    rows = features.rows(features.frame["role"] == "tested")
-    tables = rows.spectra | {ALL: rows.joint()}
-    flags = {
-        name: detector.deviation(tables[name]) > detector.threshold
-        for name, detector in found.items()
-    }
-    return rows.frame.assign(**flags)
+    tested = features.frame["role"] == "tested"
+    flags = ratios(features, found)[tested] > 1
+    return features.frame[tested].join(flags).reset_index(drop=True)
 
 
 def false_alarms(tested: pd.DataFrame) -> pd.DataFrame:
@@ -73,27 +85,33 @@ def false_alarms(tested: pd.DataFrame) -> pd.DataFrame:
     These units contribute to neither the mean nor the threshold.
     """
     healthy = tested[tested["label"] == "healthy"]
-    rates = {name: 100 * healthy[name].mean() for name in (*SIGNALS, ALL)}
+    rates = {name: 100 * healthy[name].mean() for name in (*SIGNALS, PHASED, ALL)}
     table = pd.DataFrame({"false alarms [%]": rates, "recordings": len(healthy)})
     return table.rename(index=SIGNALS).rename_axis("signal")
 
 
-def threshold_table(found: dict[str, Detector]) -> pd.DataFrame:
-    """Return the threshold of each signal beside that of as many independent normal bins.
+def threshold_table(features: Features, found: dict[str, Detector]) -> pd.DataFrame:
+    """Return the threshold of each signal, and how certain it is.
 
     Returns
     -------
     DataFrame
-        One row per signal: number of bins, threshold [standard deviations], and the value that
-        the largest magnitude of so many independent standard normal bins exceeds in 1 % of the
-        cases.
+        One row per signal: number of bins, threshold [standard deviations], and the limits of its
+        95 % interval from a bootstrap over the calibration units.
     """
+    calibration = features.rows(features.frame["role"] == "calibration")
+    rows_of = list(calibration.frame.groupby("unit").indices.values())
+    rng = np.random.default_rng(0)
     rows = {}
     for name, detector in found.items():
-        n_bins = len(detector.mean)
-        alone = 1 - (1 - FALSE_ALARMS) ** (1 / n_bins)
-        rows[SIGNALS.get(name, name)] = (n_bins, detector.threshold, stats.norm.isf(alone / 2))
-    columns = ["bins", "threshold", "of independent normal bins"]
+        scores = detector.deviation(calibration.fine[name])
+        drawn = [
+            _limit(scores[np.concatenate([rows_of[k] for k in units])])
+            for units in rng.integers(len(rows_of), size=(_RESAMPLES // 4, len(rows_of)))
+        ]
+        low, high = np.quantile(drawn, (0.025, 0.975))
+        rows[SIGNALS.get(name, name)] = (len(detector.mean), detector.threshold, low, high)
+    columns = ["bins", "threshold", "low", "high"]
     table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
     return table.rename_axis("signal")
 
@@ -115,7 +133,7 @@ def severity_of_detection(tested: pd.DataFrame) -> pd.DataFrame:
     >>> table[["lvdt", "velocity"]].values.tolist()
     [[0.3, inf]]
     """
-    names = [name for name in (*SIGNALS, ALL) if name in tested]
+    names = [name for name in (*SIGNALS, PHASED, ALL) if name in tested]
     faulty = tested[tested["label"] != "healthy"].sort_values("severity")
     rows = {}
     for key, group in faulty.groupby(["label", "unit"], sort=False):

@@ -7,7 +7,7 @@ import pandas as pd
 
 from chapter4_spectra import SIGNALS
 from chapter5_data import Features
-from chapter5_detection import ALL, Detector
+from chapter5_detection import Detector, ratios
 from emacm.alarms.control_charts import CUSUM
 
 _LENGTH = 100.0  # nominal number of runs until a false alarm
@@ -16,7 +16,7 @@ _LENGTH = 100.0  # nominal number of runs until a false alarm
 def trend_table(features: Features, found: dict[str, Detector], n_baseline: int) -> pd.DataFrame:
     """Return when a chart of each signal raises an alarm while a fault grows.
 
-    The reading is the logarithm of the largest deviation of `Detector`. Its baseline are the first
+    The reading is the logarithm of the largest deviation of `ratios`. Its baseline are the first
     healthy runs of the same unit; a CUSUM chart follows the runs of the growing fault, and for
     comparison as many runs without a fault.
 
@@ -35,15 +35,15 @@ def trend_table(features: Features, found: dict[str, Detector], n_baseline: int)
         One row per fault and signal: units with an alarm, median severity at the first alarm, and
         median number of runs from it to severity 1. Alarms of the rows "none" are false.
     """
-    rows = features.rows(features.frame["role"] == "trend")
-    tables = rows.spectra | {ALL: rows.joint()}
+    followed = features.frame["role"] == "trend"
+    frame = features.frame[followed].reset_index(drop=True)
+    readings = np.log(ratios(features, found)[followed]).reset_index(drop=True)
     made = {}
-    for fault in pd.unique(rows.frame["label"]):
-        for name, detector in found.items():
-            readings = np.log(detector.deviation(tables[name]))
+    for fault in pd.unique(frame["label"]):
+        for name in readings:
             alarms = [
-                _first_alarm(readings, rows.frame[rows.frame["unit"] == unit], fault, n_baseline)
-                for unit in pd.unique(rows.frame["unit"])
+                _first_alarm(readings[name].to_numpy(), rows, fault, n_baseline)
+                for _, rows in frame.groupby("unit")
             ]
             raised = [alarm for alarm in alarms if alarm is not None]
             known = raised if fault != "healthy" else []

@@ -34,10 +34,6 @@ class Finding(NamedTuple):
         Range of our numbers, including a tolerance for rounding in print.
     draws : int
         Number of draws; 1 if nothing is random.
-    probability_of_a_miss : float
-        Probability that a further draw of ours would not agree by range: 2/(draws + 1) for a
-        number, the share of draws in which another bin leads for a leading bin, and 0 if nothing
-        is random.
     agrees_by_range : bool
         Whether the published number lies within the range.
     agrees_by_median : bool
@@ -54,10 +50,24 @@ class Finding(NamedTuple):
     low: float
     high: float
     draws: int
-    probability_of_a_miss: float
     agrees_by_range: bool
     agrees_by_median: bool
     note: str
+
+
+class Verdict(NamedTuple):
+    """What a chapter's claim amounts to.
+
+    Attributes
+    ----------
+    text : str
+        The answer with its figures.
+    evidence : str
+        Name of the table or picture of the chapter that shows them.
+    """
+
+    text: str
+    evidence: str
 
 
 @dataclass
@@ -74,6 +84,8 @@ class Chapter:
         Inputs and chosen readings with their sources.
     opening : str
         The result and what it rests on, at the beginning of the chapter.
+    verdicts : list of Verdict
+        The answers that the report begins with.
     remarks : list of str
         Paragraphs of plain text, in order.
     findings : list of Finding
@@ -88,6 +100,7 @@ class Chapter:
     title: str
     inputs: pd.DataFrame
     opening: str = ""
+    verdicts: list[Verdict] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     tables: dict[str, pd.DataFrame] = field(default_factory=dict)
@@ -134,11 +147,10 @@ class Chapter:
         """
         ours = np.atleast_1d(np.asarray(values, dtype=float))
         low, first, median, third, high = np.quantile(ours, (0, 0.25, 0.5, 0.75, 1)).tolist()
-        missed = 2 / (len(ours) + 1) if kind == "random" else 0.0
         within = low - slack <= published <= high + slack
         middle = first - slack <= published <= third + slack
         numbers = (float(published), median, low - slack, high + slack, len(ours))
-        self.findings.append(Finding(where, kind, *numbers, missed, within, middle, note))
+        self.findings.append(Finding(where, kind, *numbers, within, middle, note))
         return self.findings[-1]
 
     def compare_leader(self, where: str, published: int, leaders: ArrayLike, note: str) -> Finding:
@@ -170,38 +182,13 @@ class Chapter:
             f"leads in {np.sum(bins == published)}{note}"
         )
         drawn = (float(most), float(bins.min()), float(bins.max()), len(bins))
-        agrees = (1 - share, share > 0, share >= 0.5)
+        agrees = (share > 0, share >= 0.5)
         self.findings.append(Finding(where, "random", float(published), *drawn, *agrees, note))
         return self.findings[-1]
 
 
 def silent(line: str) -> None:
     """Report no progress."""
-
-
-def agreement_frame(findings: Sequence[Finding]) -> pd.DataFrame:
-    """Count findings by kind, and how many of them agree.
-
-    Parameters
-    ----------
-    findings : sequence of Finding
-        Those of one or more chapters.
-
-    Returns
-    -------
-    DataFrame
-        One row per kind that occurs: "figures", "agree by range", "agree by median", and
-        "expected misses": the sum of the probabilities that a further draw of ours would miss the
-        range.
-    """
-    table = pd.DataFrame(findings, columns=Finding._fields).groupby("kind")
-    counts = pd.DataFrame({
-        "figures": table.size(),
-        "agree by range": table["agrees_by_range"].sum(),
-        "agree by median": table["agrees_by_median"].sum(),
-        "expected misses": table["probability_of_a_miss"].sum(),
-    })  # fmt: skip
-    return counts.reindex([kind for kind in KINDS if kind in counts.index]).rename_axis("kind")
 
 
 def counted(findings: Sequence[Finding]) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 import emacm
-from findings import Chapter, agreement_frame, counted
+from findings import Chapter, counted
 
 REPORT = "report.html"
 
@@ -50,6 +50,7 @@ def write_report(folder: Path, chapters: Sequence[Chapter], *, quick: bool = Fal
     )
     environment.filters |= {
         "cell": cell,
+        "short": short_name,
         "flat": flat_table,
         "counted": counted,
         "base64": lambda image: b64encode(image).decode("ascii"),
@@ -58,7 +59,6 @@ def write_report(folder: Path, chapters: Sequence[Chapter], *, quick: bool = Fal
     page = environment.get_template("report.html.jinja").render(
         chapters=chapters,
         findings=findings,
-        agreement=agreement_frame(findings),
         quick=quick,
         versions=", ".join(
             [f"emacm {emacm.__version__}", f"Python {platform.python_version()}"]
@@ -68,11 +68,21 @@ def write_report(folder: Path, chapters: Sequence[Chapter], *, quick: bool = Fal
     (folder / "tables").mkdir(exist_ok=True)
     for chapter in chapters:
         for name, table in chapter.tables.items():
-            short = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
-            path = folder / "tables" / f"chapter{chapter.number}_{short}.csv"
+            path = folder / "tables" / f"chapter{chapter.number}_{short_name(name)}.csv"
             flat_table(table).to_csv(path, index=False)
     (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
     (folder / REPORT).write_text(page, encoding="utf-8")
+
+
+def short_name(name: str) -> str:
+    """Return a name for files and links.
+
+    Examples
+    --------
+    >>> short_name("Fig. 2.7")
+    'fig_2_7'
+    """
+    return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
 
 
 def flat_table(table: pd.DataFrame) -> pd.DataFrame:

@@ -109,7 +109,9 @@ FAULTS: Mapping[str, Fault] = {
     "lubrication": Fault(
         orders=(1.0,), torque=0.15, friction=1.5, friction_noise=0.35, rolling_noise=2.0
     ),
-    "jam": Fault(friction=0.6, place=1.9, width=0.15),  # all conditions pass 1.9 in
+    "jam": Fault(
+        friction=0.6, place=1.9, width=0.15
+    ),  # condition 3 reaches it only with a longer lead
 }
 FAULT_ORDERS: Mapping[str, tuple[float, ...]] = {
     name: fault.orders for name, fault in FAULTS.items()

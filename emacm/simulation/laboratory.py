@@ -150,7 +150,7 @@ class Assumed(NamedTuple):
 
     Constants of the actuator are in `Actuator`, of faults in `FAULTS`, and of the tables of the
     thesis in `CONDITIONS` and `TRANSDUCERS`. All constants below are assumed unless they name a
-    source. They were written down before any classification of the recordings, and depend on none.
+    source. All but drift, warm-up and mounting were written down before any classification.
     """
 
     # Acquisition
