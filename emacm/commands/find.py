@@ -9,6 +9,7 @@ from typing import Any
 
 import pandas as pd
 
+from emacm._saved import written_whole
 from emacm.commands.inspect import contents_of, draft_layout
 from emacm.commands.paths import expanded
 from emacm.files.folder import open_recording
@@ -16,7 +17,9 @@ from emacm.files.layout import Layout
 from emacm.machine.rolling import bearing_of
 from emacm.models.find_faults import find_faults, healthy_scores
 from emacm.recordings.names import printable
-from emacm.reports.inputs import read_parts
+from emacm.recordings.recording import Recording
+from emacm.reports.inputs import as_cell, read_parts
+from emacm.reports.maintenance import file_stems
 
 FOUND, FAILED = 1, 3  # exit status: a fault is named; files without an answer
 
@@ -41,18 +44,21 @@ def run(options: argparse.Namespace) -> int:
         healthy = healthy_scores(known, parts)
     rows: list[dict[str, Any]] = []
     for path in paths:
-        found = _rows(path, layout, parts, healthy)
-        rows += found
-        for row in found:
+        for row in _rows(path, layout, parts, healthy):
+            rows.append(row)
             suspected = f" (suspected: {row['suspected']})" if row["suspected"] != "none" else ""
-            print(f"{row['recording']}, {row['channel']}: {row['named']}{suspected}")
-            print(f"    {row['explanation']}")
+            place = ", ".join(filter(None, (row["recording"], row["channel"])))
+            print(f"{place}: {row['named']}{suspected}\n    {row['explanation']}")
+            is_found = {row["named"], row["suspected"]} - {"none", "failed", "not assessed"}
+            if options.plot is not None and is_found:
+                _draw(row, open_recording(path, layout), parts, options.plot, len(rows))
     table = pd.DataFrame(rows)
     if options.out is not None:
-        table.to_csv(options.out, index=False)
-        print(f"Table: {options.out}")
+        with written_whole(options.out) as unfinished:
+            table.map(as_cell).to_csv(unfinished, index=False)
+        print(f"Table: {printable(options.out)}")
     if options.plot is not None:
-        _draw(table, layout, parts, options.plot)
+        print(f"Pictures: {printable(options.plot)}")
     is_missing = table["named"].isin(["not assessed", "failed"])
     if (~is_missing & (table["named"] != "none")).any():
         return FOUND
@@ -81,7 +87,8 @@ def layout_of_options(options: argparse.Namespace, path: Path) -> Layout:
     if options.speed is not None:
         drafted = {name: value for name, value in drafted.items() if name not in ("angle", "tacho")}
         drafted["velocity"] = f"{options.speed:g} rpm"
-        remarks = [text for text in remarks if not text.startswith(("velocity", "the unit of"))]
+    elif contents.of_shaft:
+        remarks = [*remarks, contents.of_shaft]
     if remarks:
         raise ValueError(
             f"{printable(path)} does not state everything: {'; '.join(remarks)}. Give --speed in "
@@ -102,18 +109,17 @@ def _rows(path: Path, layout: Layout, parts: list[Any], healthy: Any) -> list[di
     return found.assign(recording=name).to_dict("records")
 
 
-def _draw(table: pd.DataFrame, layout: Layout, parts: list[Any], folder: Path) -> None:
-    """Draw the spectrum of each channel in which a fault is named or suspected."""
+def _draw(
+    row: dict[str, Any], recording: Recording, parts: list[Any], folder: Path, number: int
+) -> None:
+    """Draw the spectrum of a channel in which a fault is named or suspected."""
     from emacm.displays import FaultLinesDisplay
     from emacm.displays._drawing import pyplot
 
     folder.mkdir(parents=True, exist_ok=True)
-    is_found = (table[["named", "suspected"]] != "none").any(axis=1)
-    for number, row in table[is_found & (table["named"] != "failed")].iterrows():
-        recording = open_recording(row["recording"], layout)
-        display = FaultLinesDisplay.from_recording(recording, parts, channel=row["channel"])
-        stem = Path(row["recording"]).stem
-        display.figure_.suptitle(f"{row['recording']}: {row['named']}")
-        display.figure_.savefig(folder / f"{number:03d}_{stem}_{row['channel']}.png")
-        pyplot().close(display.figure_)
-    print(f"Pictures: {folder}")
+    display = FaultLinesDisplay.from_recording(recording, parts, channel=row["channel"])
+    display.figure_.suptitle(f"{row['recording']}: {row['named']}")
+    channel = row["channel"].replace("/", "_")
+    (stem,) = file_stems([f"{Path(row['recording']).stem}_{channel}_{number:03d}.png"])
+    display.figure_.savefig(folder / f"{stem}.png")
+    pyplot().close(display.figure_)

@@ -1,10 +1,10 @@
-"""The command ``emacm inspect``: what a file contains, a plot of it, and a draft of its layout."""
+"""The command ``emacm inspect``: what files contain, a plot, and a draft of their layout."""
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,8 +15,14 @@ from numpy.typing import NDArray
 
 from emacm._checks import located
 from emacm._saved import written_whole
-from emacm.files.file_columns import FileColumns, rates_of_columns, stated_rates
-from emacm.files.layout import Layout
+from emacm.commands.paths import expanded
+from emacm.files.file_columns import (
+    FileColumns,
+    rates_of_columns,
+    stated_rates,
+    without_signal,
+)
+from emacm.files.layout import Layout, meta_from_name
 from emacm.files.readers import read_columns
 from emacm.recordings.names import is_time_name, printable, unit_factor, unit_in_name
 
@@ -34,13 +40,17 @@ class Contents:
     rates : dict of str to float
         Sampling rates that the file states, or its column of times [Hz].
     times, shaft : str or None
-        Columns that are named like times and like the motion of the shaft.
+        Columns that are named like times and like the motion of the shaft, or is a tachometer.
     shaft_unit : str
         Unit of the shaft column, from the file or from its name; "" if it is not known.
     unused : dict of str to str
         Columns that are neither times, shaft nor channels, and why.
     remarks : list of str
-        What must be stated in a layout.
+        What must be stated in a layout, besides the shaft.
+    of_shaft : str
+        What must be stated of the shaft; "" if nothing.
+    n_pulses : int
+        Number of whole pulses in the shaft column, if it was found by these.
     """
 
     columns: FileColumns
@@ -50,6 +60,18 @@ class Contents:
     shaft_unit: str
     unused: dict[str, str]
     remarks: list[str]
+    of_shaft: str = ""
+    n_pulses: int = 0
+
+    @property
+    def kind(self) -> str:
+        """What the shaft column is by its name, or its pulses: velocity, angle or tacho."""
+        return "tacho" if self.n_pulses else _kind(self.shaft or "")
+
+    @property
+    def open(self) -> list[str]:
+        """All that must be stated."""
+        return [*filter(None, (self.of_shaft, *self.remarks))]
 
     @property
     def channels(self) -> list[str]:
@@ -58,9 +80,15 @@ class Contents:
         return [name for name in self.columns.columns if name not in others]
 
     @property
-    def has_rates(self) -> bool:
-        """Whether the rates of all channels are known."""
-        return self.rates.keys() >= set(self.channels)
+    def missing_rates(self) -> dict[str, float]:
+        """Proposed rates of the columns without one, for which all columns last equally long."""
+        lengths = {name: len(self.columns.columns[name]) for name in self.channels}
+        if self.shaft in self.columns.columns and self.shaft is not None:
+            lengths[self.shaft] = len(self.columns.columns[self.shaft])
+        known = [n / self.rates[name] for name, n in lengths.items() if name in self.rates]
+        duration = known[0] if known else max(lengths.values(), default=0) / 12_000
+        missing = {name: n for name, n in lengths.items() if name not in self.rates}
+        return {name: float(f"{n / duration:.6g}") for name, n in missing.items()}
 
     @property
     def numbers(self) -> dict[str, NDArray[Any]]:
@@ -72,31 +100,75 @@ class Contents:
 def run(options: argparse.Namespace) -> int:
     """Print what a file contains; draw it and write a draft of its layout if asked to.
 
+    Of a folder, print a row for each file, and what the first that can be read contains.
+
     Returns
     -------
     int
-        0.
+        0; 3 if a file of a folder cannot be read.
     """
-    with located(printable(options.file)):
-        contents = contents_of(options.file)
+    paths, failed = [options.file], False
+    if options.file.is_dir():
+        table = files_table(expanded(paths, None, options.pattern))
+        print(table.drop(columns="path").to_string(index=False), end="\n\n")
+        readable = table["channels"] != ""
+        paths, failed = table["path"][readable | ~readable.any()].tolist(), not readable.all()
+        print(f"{printable(paths[0])}:")
+    with located(printable(paths[0])):
+        contents = contents_of(paths[0])
+    _show(contents)
+    _write(contents, paths[0], options)
+    return 3 if failed else 0
+
+
+def _show(contents: Contents) -> None:
     with pd.option_context("display.width", 200, "display.max_columns", None):
         print(contents_table(contents).to_string())
     for name, number in contents.columns.numbers.items():
         print(f"{name} = {number:.9g} {contents.columns.units.get(name, '')}".rstrip())
     for name, reason in contents.unused.items():
         print(f"Not used: {name!r}, {reason}")
-    for remark in contents.remarks:
+    for remark in contents.open:
         print(f"To be stated in the layout: {remark}")
+
+
+def _write(contents: Contents, path: Path, options: argparse.Namespace) -> None:
+    """Write the draft of the layout, and the plot."""
     if options.draft is not None:
         if options.draft.exists():
             raise ValueError(f"{str(options.draft)!r} exists. Choose another name for --draft.")
         with written_whole(options.draft) as unfinished:
-            unfinished.write_text(draft_layout(contents, options.file), encoding="utf-8")
+            unfinished.write_text(draft_layout(contents, path, options.meta), encoding="utf-8")
         print(f"Draft of the layout: {printable(options.draft)}")
     if options.plot is not None:
         plot(contents, options.plot)
         print(f"Plot: {printable(options.plot)}")
-    return 0
+
+
+def files_table(paths: Sequence[Path]) -> pd.DataFrame:
+    """Return a row for each file: channels, rates, duration, shaft, and what is not known.
+
+    Returns
+    -------
+    DataFrame
+        Columns "file", "channels", "rate [Hz]", "duration [s]", "shaft", "to be stated" (or why it
+        cannot be read) and "path".
+    """
+    rows: list[dict[str, Any]] = []
+    for path in paths:
+        row = dict.fromkeys(("channels", "rate [Hz]", "duration [s]", "shaft", "to be stated"), "")
+        try:
+            found = contents_of(path)
+            table = contents_table(found).loc[found.channels]
+            rates = table["rate [Hz]"].dropna().sort_values().unique()
+            row["rate [Hz]"] = ", ".join(f"{rate:.9g}" for rate in rates)
+            row["duration [s]"] = f"{table['duration [s]'].max():.6g}"
+            row["channels"], row["shaft"] = ", ".join(found.channels), found.shaft or ""
+            row["to be stated"] = "; ".join(found.open)
+        except (ImportError, OSError, TypeError, ValueError) as error:
+            row["to be stated"] = f"cannot be read: {error}"
+        rows.append({"file": printable(path)} | row | {"path": path})
+    return pd.DataFrame(rows)
 
 
 def contents_of(path: Path) -> Contents:
@@ -114,9 +186,11 @@ def contents_of(path: Path) -> Contents:
     Raises
     ------
     FileNotFoundError, ImportError, ValueError
-        As `emacm.files.readers.read_columns`.
+        As `emacm.files.readers.read_columns`; also if there is no signal.
     """
     columns = read_columns(path)
+    if not columns.columns:
+        raise ValueError(without_signal(columns))
     times = next(filter(is_time_name, columns.columns), None)
     remarks: list[str] = []
     try:
@@ -126,17 +200,62 @@ def contents_of(path: Path) -> Contents:
     shafts = columns.like_shaft()
     shaft = shafts[0] if shafts else None
     unit = _shaft_unit(columns, shaft) if shaft else ""
-    if shaft is None:
-        remarks.append("velocity, angle or tacho: no column is named like the motion of the shaft")
-    elif not unit and _kind(shaft) != "tacho":
-        remarks.append(f"the unit of {shaft!r}")
     found = Contents(columns, rates, times, shaft, unit, {}, remarks)
+    if shaft is None:
+        pulses = {name: count_pulses(v) for name, v in found.numbers.items() if name != times}
+        found.shaft = next(filter(pulses.get, pulses), None)
+        found.n_pulses = pulses.get(found.shaft or "", 0)
+        found.of_shaft = (
+            f"pulses_per_rev of tacho: {found.shaft!r} has {found.n_pulses} pulses"
+            if found.n_pulses
+            else "velocity, angle or tacho: no column is named like the motion of the shaft"
+        )
+    elif not unit and found.kind != "tacho":
+        found.of_shaft = f"the unit of {shaft!r}"
     texts = [name for name in columns.columns if name not in found.numbers and name != times]
     found.unused |= dict.fromkeys(texts, "it does not consist of numbers")
     found.unused |= dict.fromkeys(shafts[1:], "it is named like the motion of a shaft")
-    if not found.has_rates:
-        remarks.append("fs: neither the file nor a column of times states the sampling rate")
+    if found.missing_rates:
+        names = ", ".join(found.missing_rates)
+        remarks.append(f"fs of {names}: neither the file nor a column of times states it")
     return found
+
+
+def count_pulses(values: NDArray[Any], *, fewest: int = 8, steady: float = 0.2) -> int:
+    """Return the number of pulses of a column that looks like a tachometer; 0 if it does not.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n_times,)
+        The column.
+    fewest : int
+        Pulses that it must have.
+    steady : float
+        Median relative change of the interval from one pulse to the next that it may have.
+
+    Returns
+    -------
+    int
+        Pulses of two levels: of what is above 30 % of their difference, most is above 70 %, unlike
+        in impulses that decay; and less is between these than 5 % of all.
+
+    Examples
+    --------
+    >>> count_pulses(np.arange(1000) % 50 < 5), count_pulses(np.sin(np.arange(1000) / 8))
+    (19, 0)
+    """
+    x = np.asarray(values, np.float64)
+    lowest, span = x.min(), np.ptp(x)
+    if not span > 0 or not np.isfinite(span):
+        return 0
+    x = (x - lowest) / span
+    high, between = float(np.mean(x > 0.7)), float(np.mean((x > 0.3) & (x <= 0.7)))
+    starts = np.flatnonzero(np.diff((x > 0.5).astype(int)) > 0)
+    if between > min(0.05, high / 2, (1 - high) / 2) or len(starts) < fewest:
+        return 0
+    intervals = np.diff(starts)
+    change = np.median(np.abs(np.diff(intervals)) / intervals[1:])
+    return len(starts) if change <= steady else 0
 
 
 def _kind(name: str) -> str:
@@ -190,7 +309,7 @@ def contents_table(contents: Contents) -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index")
 
 
-def draft_layout(contents: Contents, path: Path) -> str:
+def draft_layout(contents: Contents, path: Path, meta: str | None = None) -> str:
     """Return a layout as TOML; what the file does not state is a comment to be filled in.
 
     Parameters
@@ -199,10 +318,17 @@ def draft_layout(contents: Contents, path: Path) -> str:
         What was found in the file.
     path : Path
         The file.
+    meta : str, optional
+        Pattern of the names of the files.
 
     Returns
     -------
     str
+
+    Raises
+    ------
+    ValueError
+        If the name of the file does not match `meta`.
     """
     lines = [
         f"# Layout of files like {printable(path.name)}; see emacm.Layout for all options.",
@@ -210,19 +336,30 @@ def draft_layout(contents: Contents, path: Path) -> str:
     ]
     if contents.times is not None:
         lines.append(f"# time: the column {_text(contents.times)}, found by its name")
-    if not contents.has_rates:
-        lines.append("# fs = 12000  # FILL IN: sampling rate [Hz]")
-    else:
-        rates = sorted({contents.rates[name] for name in contents.channels})
-        lines.append(f"# fs: {', '.join(f'{rate:.9g}' for rate in rates)} Hz, found in the file")
+    if contents.rates:
+        found = (f"{rate:.9g}" for rate in sorted(set(contents.rates.values())))
+        lines.append(f"# fs: {', '.join(found)} Hz, found in the file")
+    if missing := contents.missing_rates:
+        each = ", ".join(f"{_text(name)} = {rate:.9g}" for name, rate in missing.items())
+        is_one = not contents.rates and len(set(missing.values())) == 1
+        rates = f"{max(missing.values()):.9g}" if is_one else f"{{{each}}}"
+        lines.append(f"# fs = {rates}  # FILL IN: sampling rate [Hz]")
     lines.append(f"channels = [{', '.join(map(_text, contents.channels))}]")
     lines += [f"# {_text(name)} is not used: {why}" for name, why in contents.unused.items()]
     if contents.shaft is None:
         lines.append('# velocity = "1797 rpm"  # FILL IN: a constant speed, or a column')
+    elif contents.n_pulses:
+        reason = f"{contents.n_pulses} pulses are in this column"
+        column = f"{{column = {_text(contents.shaft)}, pulses_per_rev = 1}}"
+        lines.append(f"# tacho = {column}  # FILL IN: {reason}")
     else:
-        lines.append(f"{_kind(contents.shaft)} = {_text(contents.shaft)}")
+        lines.append(f"{contents.kind} = {_text(contents.shaft)}")
     fields = "_".join(f"{{field{n}}}" for n in range(1, path.stem.count("_") + 2))
-    lines.append(f"# meta = {_text(fields)}  # FILL IN: what the parts of the file names mean")
+    if meta is None:
+        lines.append(f"# meta = {_text(fields)}  # FILL IN: what the parts of the file names mean")
+    else:
+        meta_from_name(path, meta)
+        lines.append(f"meta = {_text(meta)}")
     return "\n".join([*lines, "", "[units]", *_units(contents)]) + "\n"
 
 
@@ -232,8 +369,8 @@ def _units(contents: Contents) -> Iterator[str]:
     if shaft is not None and contents.shaft_unit:
         source = "" if stated.get(shaft) == contents.shaft_unit else "  # from its name"
         yield f"{_text(shaft)} = {_text(contents.shaft_unit)}{source}"
-    elif shaft is not None and _kind(shaft) != "tacho":
-        usual = "rpm" if _kind(shaft) == "velocity" else "rad"
+    elif shaft is not None and contents.kind != "tacho":
+        usual = "rpm" if contents.kind == "velocity" else "rad"
         yield f"# {_text(shaft)} = {_text(usual)}  # FILL IN: its unit"
     for name in contents.channels:
         if stated.get(name):

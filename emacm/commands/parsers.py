@@ -86,10 +86,17 @@ def _probability(text: str) -> float:
 
 
 def _inspect(command: Add) -> None:
-    add = command("inspect", "list the columns of a file, with rates, units, duration and range")
-    add("file", metavar="FILE", type=Path, help="a file of measurements")
+    add = command(
+        "inspect",
+        "list the columns of a file, or the files of a folder, with rates, units and duration",
+        "0; 2 for invalid arguments or a file that cannot be read; 3 if files of a folder cannot.",
+    )
+    add("file", metavar="PATH", type=_existing, help="a file of measurements, or a folder")
+    _add_pattern(add)
     add("--plot", type=_writable, metavar="PNG", help="draw the columns")
     add("--draft", type=_writable, metavar="TOML", help="write a draft of the layout of such files")
+    meta = "parts of the file names, for the draft, as '{unit}_{state}_{run:d}'"
+    add("--meta", metavar="PATTERN", help=meta)
 
 
 def _find(command: Add) -> None:

@@ -149,7 +149,7 @@ def recording_arguments(
         shaft, a unit. The message states the remedy.
     """
     if not content.columns:
-        raise ValueError(_without_signal(content))
+        raise ValueError(without_signal(content))
     _check_units(content, layout, second)
     times = _time_column(content, layout)
     of_second = layout.of_second_file()
@@ -266,7 +266,7 @@ def _check_units(content: FileColumns, layout: Layout, second: FileColumns | Non
             )
 
 
-def _without_signal(content: FileColumns) -> str:
+def without_signal(content: FileColumns) -> str:
     """Say what a file without any column contains."""
     rest = f"only {list(content.numbers)}" if content.numbers else "no array of numbers"
     reasons = [f"{name!r} {reason}" for name, reason in list(content.ignored.items())[:3]]

@@ -145,7 +145,8 @@ def _motion_findings(
     if n_short > 10:  # so many look like noise
         text = "strokes of less than a revolution: raise min_speed above the noise at standstill"
         yield Finding("short strokes", f"{n_short} {text}")
-    if row["fastest"] / over_angle.ratio / recording.shaft_fs > np.pi:
+    turned = row["fastest"] / over_angle.ratio / recording.shaft_fs
+    if recording.reference == "angle" and turned > np.pi:  # samples of a speed may be slow
         text = "the shaft turns by more than half a revolution between its samples: "
         yield Finding("speed", text + "is the angle in rad, and its rate right?")
     jump, text = jump_warning(recording)

@@ -1,5 +1,7 @@
 """The command find: faults named from the geometry of a machine, in files without a layout."""
 
+import os
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -53,6 +55,17 @@ def test_rings_are_named_in_files_without_a_layout(here, capsys):
     assert len(list((here / "pictures").iterdir())) == 2
 
 
+def test_names_that_cannot_be_names_of_pictures_are_changed(here, capsys):
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
+    name = os.fsdecode(b"pr\xfcfung.csv")  # not UTF-8
+    text = (here / "new" / "P2_outer.csv").read_text().replace("vibration", "drive/end")
+    (here / name).write_text(text)
+    options = ["--bearing", "6205", "--plot", "drawn", "--out", "=found.csv"]
+    assert main(["find", name, *options]) == 1
+    assert [path.name for path in (here / "drawn").iterdir()] == ["pr_xfcfung_drive_end_001.png"]
+    assert "fung.csv, drive/end: BPFO" in capsys.readouterr().out
+
+
 def test_healthy_files_end_with_status_0(here):
     assert main(["find", "healthy", "--bearing", "9,7.94,39.04"]) == 0
     assert main(["find", "healthy", "--bearing", "6205", "--healthy", "healthy"]) == 0
@@ -61,7 +74,7 @@ def test_healthy_files_end_with_status_0(here):
 def test_a_file_that_fails_has_a_row_and_status_3(here, capsys):
     (here / "short.csv").write_text("time,vibration,speed [rpm]\n0,1,1500\n0.001,2,1500\n")
     assert main(["find", "short.csv", "--bearing", "6205"]) == 3
-    assert "short.csv, : failed" in capsys.readouterr().out
+    assert "short.csv: failed" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -137,3 +137,48 @@ def test_a_draft_marks_all_that_the_file_does_not_state(tmp_path):
     recording = open_recording(path, Layout.from_toml(draft))
     assert recording.meta == {"field1": "A", "field2": "1"}
     np.testing.assert_allclose(recording.angle[1] - recording.angle[0], np.deg2rad(0.7))
+
+
+def test_a_tachometer_is_proposed_by_its_pulses(tmp_path, capsys):
+    path, draft = tmp_path / "A_1.wav", tmp_path / "layout.toml"
+    turns = np.cumsum(20 + 4 * np.arange(2 * N) / N) / 2000
+    decaying = 0.9 ** (100 * (5.4 * turns % 1))  # impulses of a bearing are no tachometer
+    tacho = 0.8 * (turns % 1 < 0.05)
+    scipy.io.wavfile.write(path, 2000, np.column_stack([decaying, tacho]).astype("f4"))
+    options = ["--draft", str(draft), "--meta", "{unit}_{run:d}"]
+    assert main(["inspect", str(path), *options]) == 0
+    assert "To be stated in the layout: pulses_per_rev of tacho: 'x1'" in capsys.readouterr().out
+    text = draft.read_text(encoding="utf-8")
+    assert 'channels = ["x0"]' in text
+    draft.write_text(text.replace("# tacho = ", "tacho = "), encoding="utf-8")
+    recording = open_recording(path, Layout.from_toml(draft))
+    assert recording.meta == {"unit": "A", "run": 1}
+    np.testing.assert_allclose(np.ptp(recording.angle), 2 * np.pi * np.ptp(turns), rtol=0.01)
+
+
+def test_files_of_a_folder_are_listed_and_the_first_that_can_be_read_is_drafted(
+    csv, tmp_path, capsys
+):
+    Path("broken.wav").write_bytes(b"RIFF")
+    assert main(["inspect", ".", "--pattern", "*.csv", "--draft", "layout.toml"]) == 0
+    assert "A_worn_3.csv vibration, Strom      2560" in capsys.readouterr().out
+    assert main(["inspect", "."]) == 3
+    printed = capsys.readouterr().out
+    assert "broken.wav" in printed
+    assert "cannot be read" in printed
+    assert Layout.from_toml("layout.toml").velocity == "speed"
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.filterwarnings("ignore::ResourceWarning")  # pyuff leaves the file open
+@pytest.mark.parametrize("name", ["a.uff", "a.npz", "a.mat"])
+def test_a_file_without_signals_is_an_error(tmp_path, capsys, name):
+    if name == "a.uff":
+        pytest.importorskip("pyuff", reason="pyuff is not installed (extra 'files')")
+        (tmp_path / name).write_text("no data set\n")
+    elif name == "a.npz":
+        np.savez(tmp_path / name, fs=10, note="x")
+    else:
+        scipy.io.savemat(tmp_path / name, {"note": "x"})
+    assert main(["inspect", str(tmp_path / name)]) == 2
+    assert "it contains no signal" in capsys.readouterr().err

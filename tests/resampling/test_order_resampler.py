@@ -428,9 +428,12 @@ def test_quality_warns_of_noise_that_cuts_the_motion_to_pieces():
 
 
 def test_quality_warns_of_a_shaft_sampled_too_slowly():
-    row = quality(motion(np.full(100, 400.0), fs=100, n_signal=10_000, signal_fs=10_000))
+    tone = {"a": np.sin(np.arange(10_000))}
+    row = quality(Recording(tone, 10_000, angle=4.0 * np.arange(100), shaft_fs=100))
     assert "more than half a revolution between its samples" in row["warnings"]
     assert "is the angle in rad" in row["warnings"]
+    speed = motion(np.full(100, 400.0), fs=100, n_signal=10_000, signal_fs=10_000)
+    assert not quality(speed)["warnings"]  # a speed changes less between slow samples
 
 
 # What would mislead is refused
