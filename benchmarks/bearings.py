@@ -234,13 +234,20 @@ def read_uestc(folder: Path) -> tuple[Runs, Runs]:
     return nominal, combed
 
 
-def comb_speed(x: NDArray[np.floating], fs: float, near: float) -> float:
-    """Return the speed [Hz] within -10 to 12 % at which the lines 1x to 6x are highest."""
+def comb_speed(
+    x: NDArray[np.floating],
+    fs: float,
+    near: float,
+    *,
+    limits: tuple[float, float] = (0.9, 1.12),
+    n_orders: int = 6,
+) -> float:
+    """Return the speed [Hz] at which the lines 1x, 2x, ... are highest, by default 1x to 6x."""
     n = 4 * len(x)
     power = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(len(x)), n)) ** 2
-    levels = np.log10(power[: int(8 * near / fs * n)] + 1e-30)
-    speeds = near * np.linspace(0.9, 1.12, 2201)
-    lines = np.rint(np.outer(speeds, np.arange(1, 7)) * n / fs).astype(int)
+    levels = np.log10(power[: int((n_orders + 2) * near / fs * n)] + 1e-30)
+    speeds = near * np.linspace(*limits, 2201)
+    lines = np.rint(np.outer(speeds, np.arange(1, n_orders + 1)) * n / fs).astype(int)
     return float(speeds[levels[lines].sum(axis=1).argmax()])
 
 

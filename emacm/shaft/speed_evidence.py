@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, ndimage
+from scipy.signal import hilbert
 
 from emacm.shaft.speed_settings import SETTINGS
 
@@ -115,18 +116,82 @@ def find_comb(signal: Array, fs: float, speeds: tuple[float, float]) -> Comb:
     The spectrum is that of the whole signal, so the speed must be constant. In decibels, with
     limited heights, no strong line decides alone.
     """
-    orders = np.arange(1, SETTINGS.comb_orders + 1)
+    orders = np.arange(1.0, SETTINGS.comb_orders + 1)
     frequencies, heights = line_heights(signal, fs, speeds[0], (orders[-1] + 1) * speeds[1])
-    spacing = frequencies[1]
-    grid = np.arange(*speeds, spacing / (2 * orders[-1]))
-    levels = np.zeros(len(grid))
+    grid = np.arange(*speeds, frequencies[1] / (2 * orders[-1]))
+    levels = _mean_height(frequencies, heights, grid, orders)
+    best, margin = _highest(levels, grid, 2 * fs / len(signal))
+    return Comb(float(grid[best]), float(levels[best]), margin)
+
+
+def find_shaft(
+    samples: Array, fs: float, speeds: tuple[float, float], families: Sequence[tuple[float, float]]
+) -> Comb:
+    """Return the speed at which the orders of the shaft and a family of a part are highest.
+
+    A comb of the first orders alone takes the lines of a bearing or a gear for a shaft. If these
+    were the orders of the shaft, no line of the part would lie at its own orders above them. All
+    lines count alike; those between the orders, which a multiple of the true speed has, count
+    against it.
+
+    Parameters
+    ----------
+    samples : ndarray of shape (n_times,)
+        Vibration at a constant speed.
+    fs : float
+        Sampling rate [Hz].
+    speeds : (float, float)
+        Lowest and highest speed [Hz].
+    families : sequence of (float, float)
+        Lowest and highest order of the first line of each family; lines are looked for in the
+        signal, and in its squared envelope after whitening.
+
+    Returns
+    -------
+    Comb
+        `level` is the lower of the mean heights of the orders and of the family.
+    """
+    orders = np.arange(1.0, SETTINGS.comb_orders + 1)
+    harmonics = np.arange(1.0, SETTINGS.part_harmonics + 1)
+    least, most = min(low for low, _ in families), max(high for _, high in families)
+    top = min(fs / 2, speeds[1] * max(orders[-1], most * harmonics[-1]) * 1.01)
+    spectrum = fft.rfft(samples - samples.mean())
+    white = fft.irfft(spectrum / np.maximum(np.abs(spectrum), 1e-300), len(samples))
+    envelope = np.abs(hilbert(white)) ** 2
+    frequencies, heights = line_heights(samples, fs, speeds[0], top)
+    _, of_envelope = line_heights(envelope, fs, speeds[0], top)
+    step = frequencies[1] / (2 * orders[-1] * speeds[1])  # on logarithmic grids
+    grid = np.exp(np.arange(np.log(speeds[0]), np.log(speeds[1]), step))
+    start = np.log(speeds[0] * least)
+    lines = np.exp(np.arange(start, np.log(speeds[1] * most) + step, step))
+    found = [_mean_height(frequencies, each, lines, harmonics) for each in (heights, of_envelope)]
+    family = np.zeros(len(grid))
+    for low, high in families:
+        within = ndimage.maximum_filter1d(np.maximum(*found), int(np.log(high / low) / step) + 1)
+        places = np.rint((np.log(grid * np.sqrt(low * high)) - start) / step).astype(np.intp)
+        family = np.maximum(family, within[np.minimum(places, len(within) - 1)])
+    shaft = _mean_height(frequencies, heights, grid, orders)
+    between = _mean_height(frequencies, heights, grid, orders - 0.5)
+    weights = np.array([len(orders), len(harmonics)]) / (len(orders) + len(harmonics))
+    levels = weights[0] * (shaft - between) + weights[1] * family
+    best, margin = _highest(levels, grid, 2 * fs / len(samples))
+    return Comb(float(grid[best]), float(min(shaft[best], family[best])), margin)
+
+
+def _mean_height(frequencies: Array, heights: Array, speeds: Array, orders: Array) -> Array:
+    """Return the mean height of the lines at the orders of each speed."""
+    levels = np.zeros(len(speeds))
     for order in orders:
-        bins = np.rint(order * grid / spacing).astype(np.intp)
+        bins = np.rint(order * speeds / frequencies[1]).astype(np.intp)
         levels += heights[np.minimum(bins, len(heights) - 1)] / len(orders)
+    return levels
+
+
+def _highest(levels: Array, speeds: Array, lobe: float) -> tuple[int, float]:
+    """Return the place of the highest level, and its difference to that of any other speed."""
     best = int(levels.argmax())
-    others = np.abs(grid - grid[best]) > 2 * fs / len(signal)  # the main lobe of a Hann window
-    margin = levels[best] - levels[others].max(initial=0)
-    return Comb(float(grid[best]), float(levels[best]), float(margin))
+    others = np.abs(speeds - speeds[best]) > lobe  # the main lobe of a Hann window
+    return best, float(levels[best] - levels[others].max(initial=levels.min()))
 
 
 def whiten(signal: Array, fs: float, highest: float, smoothing: float) -> Whitened:

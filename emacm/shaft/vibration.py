@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from emacm.shaft.speed_evidence import (
     Evidence,
     Whitened,
     find_comb,
-    line_heights,
+    find_shaft,
     measure,
     whiten,
 )
@@ -73,6 +74,7 @@ def angle_from_vibration(
     *,
     speeds: tuple[float, float],
     orders: Sequence[float] | None = None,
+    parts: Any = None,
 ) -> VibrationAngle:
     """Find the shaft angle in a vibration signal, without any shaft sensor.
 
@@ -84,10 +86,14 @@ def angle_from_vibration(
         Sampling rate [Hz].
     speeds : (float, float)
         Lowest and highest possible speed of the shaft [rad/s]. The narrower the range, the more
-        seconds are reliable, because speeds outside are excluded.
+        seconds are reliable, because speeds outside are excluded. From a factor of 1.5 between
+        them on, `orders` or `parts` are needed.
     orders : sequence of float, optional
         Orders at which the signal has lines, such as the tooth number of a gear. Default: some of
         1, 2, 3, ..., 24, the first ones before the others.
+    parts : part, mapping of str to float, or sequence of these, optional
+        `Bearing`, `Gear` and so on, or known orders by name, one of which has lines in the signal
+        (usually because it is damaged). Used in a wide range without `orders` only.
 
     Returns
     -------
@@ -99,8 +105,7 @@ def angle_from_vibration(
     ------
     TypeError, ValueError
         If the signal is not a finite numeric signal, a parameter is out of range, or no second
-        is reliable; the message gives the best speed, and the speed from which it cannot be
-        distinguished.
+        is reliable; the message gives the best speed, and what is missing.
 
     Notes
     -----
@@ -137,16 +142,19 @@ def angle_from_vibration(
 
     In a range below 1.5 to 1, a constant speed is first looked for by a comb: the orders 1 to 6 in
     the spectrum of the whole signal must stand out by 14 dB on average, and by 5.5 dB more than
-    those of any other speed. In a wider range, where the lines of a bearing or a gear may be taken
-    for the shaft, the same comb must confirm the speed over the shaft angle, and no clear line may
-    lie below it.
+    those of any other speed. **In a wider range a bearing whose shaft has no clear lines of its own
+    cannot be told from a shaft**, so no speed is certain there without `parts`. With them, the
+    speed must be constant, and the orders of the shaft must stand out together with the lines of a
+    part at its own orders: by 14 dB each, and by 3 dB more, on average of all lines, than at any
+    other speed. A shaft without any line of a part is refused: its lines could be those of a part.
 
-    Of the CWRU recordings of the drive end and half of those of UESTC, on which this was chosen, 73
-    of 82 had the right speed (within 0.5 %) in a range of ±10 %, 1 a wrong one; from 5 to 60 Hz 35
-    and 1. Of the others (fan end, MFPT, other half) 73 of 81 and 1, and 49 and 0.
-    **In a wide range a bearing whose shaft has no clear lines of its own can still be taken for the
-    shaft**: of 150 simulated ones, 16 had the right speed, 25 a wrong one, and 109 were refused; in
-    a range of ±10 % 38, 8 and 104. State `speeds` as narrowly as they are known.
+    ``benchmarks/angle_from_vibration.py``: of the CWRU recordings of the drive end and half of
+    those of UESTC, on which this was chosen, 74 of 82 had the right speed (within 0.5 %) in ranges
+    of ±10 % and of a factor of 1.5, and none a wrong one; from 5 to 60 Hz with `parts` 29 and none.
+    Of the others (fan end, MFPT, other half) 73 of 81 and 1 wrong, and 37 and none. Of 150
+    simulated bearings with weak shafts, 45 and 10 wrong in ±10 %, 23 and 1 from 5 to 60 Hz. There,
+    a line at nearly 3, 4 or 5 times the speed (BPFO 3.05) may be taken for that order, which makes
+    the speed 0.5 to 2.5 % wrong, also in a narrow range.
 
     Without `orders`, the first orders are assumed to have lines: for a shaft with lines at even
     orders only, twice the true speed is found, unless `speeds` excludes that. Two orders at least
@@ -166,7 +174,7 @@ def angle_from_vibration(
     >>> t = np.arange(8 * fs) / fs
     >>> angle = 2 * np.pi * (21.3 * t + 0.1 * np.sin(t))
     >>> vibration = sum(np.cos(k * angle) for k in range(1, 9)) + rng.normal(size=len(t))
-    >>> found = angle_from_vibration(vibration, fs, speeds=(60, 300))
+    >>> found = angle_from_vibration(vibration, fs, speeds=(110, 160))
     >>> found.confidence.fraction
     1.0
     >>> bool(np.abs(found.velocity / np.gradient(angle, 1 / fs) - 1).max() < 0.01)
@@ -178,17 +186,21 @@ def angle_from_vibration(
         raise ValueError("signal is constant, so it has no lines. Is the sensor connected?")
     limits, known = _checked_speeds(speeds, fs), _checked_orders(orders)
     lines = np.arange(1.0, SETTINGS.many_orders[-1] + 1) if known is None else known
-    is_narrow = limits[1] < SETTINGS.narrow * limits[0]
-    best = _steady_course(samples, fs, limits, lines) if known is None and is_narrow else None
-    best = best or _best_course(samples, fs, limits, known, lines)
+    steady_speed = None
+    if known is None:
+        is_narrow = limits[1] < SETTINGS.narrow * limits[0]
+        search = _speed_in_narrow_range if is_narrow else partial(_speed_by_parts, parts)
+        steady_speed = search(samples, fs, limits)
+    best = (
+        _best_course(samples, fs, limits, known, lines)
+        if steady_speed is None
+        else _steady_course(samples, fs, limits, steady_speed, lines)
+    )
     times = np.arange(len(samples)) / fs
     reliable = best.reliable
     if reliable.any():
         speed, steady = refined_speed(best, lines)
         reliable = reliable & steady
-        if known is None and not is_narrow:
-            at_samples = np.interp(times, np.arange(len(speed)) / best.white.fs, speed)
-            reliable = reliable & _is_shaft(samples, fs, at_samples, limits)
     if not reliable.any():
         raise ValueError(best.refusal)
     velocity = 2 * np.pi * np.interp(times, np.arange(len(speed)) / best.white.fs, speed)
@@ -197,10 +209,8 @@ def angle_from_vibration(
     return VibrationAngle(angle, velocity, Confidence(float(reliable.mean()), reliable))
 
 
-def _steady_course(
-    signal: Array, fs: float, limits: tuple[float, float], lines: Array
-) -> Course | None:
-    """Return the course of a constant speed, if its first orders stand out in the whole signal."""
+def _speed_in_narrow_range(signal: Array, fs: float, limits: tuple[float, float]) -> float | None:
+    """Return a constant speed, if its first orders stand out in the whole signal."""
     length = len(signal) / fs
     if length * limits[0] * (1 - 1 / SETTINGS.narrow) < SETTINGS.fewest_bins:
         return None
@@ -208,38 +218,82 @@ def _steady_course(
     inside = limits[0] + 2 / length < comb.speed < limits[1] - 2 / length
     halves = comb.speed * 2 / np.array(SETTINGS.mains)
     is_mains = np.abs(halves - np.rint(halves)).min() < SETTINGS.mains_tolerance
-    if not (inside and comb.is_clear) or is_mains:
-        return None
+    return comb.speed if inside and comb.is_clear and not is_mains else None
+
+
+def _steady_course(
+    signal: Array, fs: float, limits: tuple[float, float], speed: float, lines: Array
+) -> Course:
+    """Return the course of a constant speed."""
+    length = len(signal) / fs
     duration = min(SETTINGS.frames[0][0], length)
     highest = min(0.45 * fs, float(lines.max()) * limits[1])
     white = whiten(signal, fs, highest, SETTINGS.broad / duration)
     refusal = (
-        f"no second of the signal shows a steady shaft: the lines of {2 * np.pi * comb.speed:.5g} "
+        f"no second of the signal shows a steady shaft: the lines of {2 * np.pi * speed:.5g} "
         f"rad/s change their level or phase. Narrow speeds, or use a shaft sensor."
     )
     n_seconds = max(1, int(np.ceil(length - 0.05)))
     every = np.ones(n_seconds, bool)
-    centre, speed, rate = (np.array([value]) for value in (length / 2, comb.speed, 0.0))
-    return Course(white, centre, speed, rate, np.ones(1, bool), duration, every, refusal)
+    centre, speeds, rate = (np.array([value]) for value in (length / 2, speed, 0.0))
+    return Course(white, centre, speeds, rate, np.ones(1, bool), duration, every, refusal)
 
 
-def _is_shaft(signal: Array, fs: float, speed: Array, limits: tuple[float, float]) -> bool:
-    """Tell whether a family of lines is the shaft's, where slower shafts are possible too.
+def _speed_by_parts(parts: Any, signal: Array, fs: float, limits: tuple[float, float]) -> float:
+    """Return the constant speed in a wide range that the lines of the parts confirm.
 
-    The lines of a bearing or a gear are a family as well. In a spectrum over the shaft angle, the
-    first orders must stand out from all nearby families, as those of a constant speed do in a
-    narrow range, and no clear line, which may be the first order of a slower shaft, be below them.
+    Without parts, a damaged bearing whose shaft has no clear lines cannot be told from a shaft.
     """
-    turns = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2)]) / fs
-    if turns[-1] < SETTINGS.revolutions:
-        return False
-    per_rev = fs / speed.min()
-    over_angle = np.interp(np.arange(0.0, turns[-1], 1 / per_rev), turns, signal)
-    own = find_comb(over_angle, per_rev, SETTINGS.near)
-    orders, heights = line_heights(over_angle, per_rev, 1.0, 1.0)
-    below = heights[(orders > limits[0] / speed.mean()) & (orders < SETTINGS.near[0])]
-    found = own.is_clear and abs(own.speed - 1) < 2 / turns[-1]
-    return bool(found and below.max(initial=0) < SETTINGS.slower_line)
+    low, high = 2 * np.pi * np.array(limits)
+    refusal = (
+        f"no second of the signal shows a speed between {low:.4g} and {high:.4g} rad/s for certain:"
+    )
+    if parts is None:
+        likely = 2 * np.pi * find_comb(signal, fs, limits).speed
+        raise ValueError(
+            f"{refusal} in a range wider than {SETTINGS.narrow:g} to 1, the lines of a bearing or "
+            f"a gear may be taken for those of a shaft. Lines at 1 to {SETTINGS.comb_orders} times "
+            f"{likely:.5g} rad/s stand out most. Narrow speeds to what the machine can do, or give "
+            f"its bearings and gears as parts."
+        )
+    comb = find_shaft(signal, fs, limits, _families(parts))
+    if (
+        comb.level < SETTINGS.comb_level
+        or comb.margin < SETTINGS.part_margin
+        or comb.speed * len(signal) / fs < SETTINGS.revolutions
+    ):
+        raise ValueError(
+            f"{refusal} at {2 * np.pi * comb.speed:.5g} rad/s in {len(signal) / fs:.3g} s, the "
+            f"lines of the shaft or of the parts stand out by {comb.level:.2g} dB, where "
+            f"{SETTINGS.comb_level:g} are needed, by {comb.margin:.2g} dB more than at any other "
+            f"speed, where {SETTINGS.part_margin:g} are needed, and {SETTINGS.revolutions:g} "
+            f"revolutions. Narrow speeds, or use a shaft sensor."
+        )
+    return comb.speed
+
+
+def _families(parts: Any) -> list[tuple[float, float]]:
+    """Return limits of the first order of each family of lines of parts, off those of the shaft."""
+    each = parts if isinstance(parts, Sequence) else [parts]
+    families = []
+    for part in each:
+        if isinstance(part, Mapping):
+            series = [(check_number(part[name], name, above=0), True) for name in part]
+        elif hasattr(part, "lines"):
+            series = [(line.order * line.strikes, line.slips) for line in part.lines()]
+        else:
+            raise TypeError(f"parts must be such as Bearing(9, 7.94, 39.04), got {part!r}.")
+        for order, slips in series:
+            low, high = order * np.array(SETTINGS.part_slip if slips else (1.0, 1.0))
+            below, above = round(order) + np.array([-1, 1]) * SETTINGS.off_order
+            sides = (low, min(high, below)), (max(low, above), high)
+            families.append(max(sides, key=lambda side: side[1] - side[0]))
+    if not (found := [(low, high) for low, high in families if low <= high]):
+        raise ValueError(
+            "parts has no line off the orders of the shaft, so it cannot confirm a speed. Give the "
+            "bearings as well, or narrow speeds."
+        )
+    return found
 
 
 def _best_course(
