@@ -9,9 +9,10 @@ from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
-(REAL,) = (path for path in NOTEBOOKS if path.stem == "06_a_real_actuator")
-SIMULATED = [path for path in NOTEBOOKS if path != REAL]
+REAL = [path for path in NOTEBOOKS if "load_cranfield" in path.read_text(encoding="utf-8")]
+SIMULATED = [path for path in NOTEBOOKS if path not in REAL]
 NAMES = {"argvalues": NOTEBOOKS, "ids": lambda path: path.stem}
+OF_REAL = {"argvalues": REAL, "ids": lambda path: path.stem}
 LARGEST = 300_000  # bytes
 
 
@@ -43,7 +44,7 @@ def assert_runs_as_kept(path, folder):
 
 
 def test_the_notebooks_are_numbered_as_they_are_read():
-    assert [path.stem[:2] for path in NOTEBOOKS] == [f"{n:02}" for n in range(1, 12)]
+    assert [path.stem[:2] for path in NOTEBOOKS] == [f"{n:02}" for n in (*range(1, 12), 13)]
 
 
 @pytest.mark.parametrize("path", **NAMES)
@@ -85,22 +86,24 @@ def test_a_notebook_runs_and_warns_of_nothing(path, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")
-def test_the_notebook_of_the_real_actuator_runs_with_its_recordings(
-    cranfield_file, tmp_path, monkeypatch
+@pytest.mark.parametrize("path", **OF_REAL)
+def test_a_notebook_of_the_real_actuator_runs_with_its_recordings(
+    path, cranfield_file, tmp_path, monkeypatch
 ):
     monkeypatch.delenv("MPLBACKEND", raising=False)
     monkeypatch.setenv("EMACM_DATA", str(cranfield_file.parents[1].resolve()))
-    assert_runs_as_kept(REAL, tmp_path)
+    assert_runs_as_kept(path, tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")
-def test_without_recordings_of_the_real_actuator_its_notebook_states_what_it_needs(
-    tmp_path, monkeypatch
+@pytest.mark.parametrize("path", **OF_REAL)
+def test_without_recordings_of_the_real_actuator_a_notebook_states_what_it_needs(
+    path, tmp_path, monkeypatch
 ):
     monkeypatch.setenv("EMACM_DATA", str(tmp_path))
     with pytest.raises(CellExecutionError) as stopped:
-        execute(REAL, tmp_path)
+        execute(path, tmp_path)
     assert stopped.value.ename == "NoRecordings"
     assert "set EMACM_DATA to the folder that holds cranfield_ema/*.npz" in stopped.value.evalue
     assert "Traceback (most recent call last)" not in stopped.value.traceback
