@@ -313,8 +313,8 @@ def _shaft_column(content: FileColumns, layout: Layout) -> str | None:
     hint = f"; {similar[0]!r} looks like one" if similar else ""
     example = similar[0] if similar else "speed"
     raise ValueError(
-        f"the layout names no shaft reference{hint}. Set velocity={example!r} with its unit, as "
-        f"units={{{example!r}: 'rpm'}}, or a number [rad/s], or angle, or tacho; its columns are "
+        f"the layout names no shaft reference{hint}. Set velocity = '{example} [rpm]' with its "
+        f"unit, or a number [rad/s], or angle, or tacho; its columns are "
         f"{list(content.columns)}."
     )
 
@@ -336,7 +336,7 @@ def _channel_columns(
     if motions:
         raise ValueError(
             f"column {motions[0]!r} is named like the motion of the shaft, not like a channel. "
-            f"Name it in velocity, angle or tacho, or list the channels: channels="
+            f"Name it in velocity, angle or tacho, or list the channels: channels = "
             f"{[name for name in rest if name not in motions]}."
         )
     if not rest:
@@ -505,8 +505,9 @@ def _shaft_unit(content: FileColumns, layout: Layout, column: str, kind: str) ->
         raise ValueError(_other_unit(stated, column, known))
     default = "rad/s" if kind == "velocity" else "rad"
     if not (stated or known) and re.search(r"rpm|hz|deg|rev|turn|rps|count|min", column.lower()):
+        usual = "rpm" if kind == "velocity" else "deg"
         raise ValueError(
             f"the unit of {column!r} is not stated, and its name suggests another one than "
-            f"{default}. Set units={{{column!r}: 'rpm'}}, or what it is in."
+            f"{default}. Set units = ['{column} [{usual}]'], or what it is in."
         )
     return stated or known or default

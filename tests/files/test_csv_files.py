@@ -86,7 +86,7 @@ def test_a_text_without_usable_columns_is_refused(tmp_path, text, message):
 
 
 def test_a_column_with_a_unit_of_speed_is_no_channel_unless_it_is_listed(tmp_path):
-    with pytest.raises(ValueError, match=r"column 'out' is named like the motion .*=\['b'\]"):
+    with pytest.raises(ValueError, match=r"column 'out' is named like the motion .*= \['b'\]"):
         assert opened(tmp_path, "b,out [r/min]\n1,900\n2,901\n", Layout(fs=9, velocity=3)).duration
     layout = Layout(fs=9, velocity=3, channels=["out", "b"])
     recording = opened(tmp_path, "b,out [r/min]\n1,900\n2,901\n", layout)
