@@ -88,9 +88,9 @@ def check_table(values: Any) -> None:
 
 def check_finite(array: NDArray[np.floating], name: str) -> None:
     """Raise a ValueError with the place of the first NaN or infinity in a 1-D array."""
-    bad = ~np.isfinite(array)
-    if bad.any():
-        index = int(np.argmax(bad))
+    # A NaN is the smallest and the largest value; no array of truth values is made.
+    if array.size and not (np.isfinite(array.min()) and np.isfinite(array.max())):
+        index = int(np.argmin(np.isfinite(array)))
         raise ValueError(
             f"{name} must be finite, got {array[index]} at sample {index}. "
             f"Cut the recording before it, or repair the gap."

@@ -86,18 +86,20 @@ def _quality(over_angle: AngleRecording) -> Quality:
     joined = over_angle.direction == "travel"
     paths = (replace(over_angle, direction="strokes") if joined else over_angle).paths
     spans = [(start := round(path.start_time * fs), start + path.n_times) for path in paths]
-    speeds = [np.abs(velocity[start:stop]) for start, stop in spans]
+    ranges = [speed_range(velocity[start:stop]) for start, stop in spans]
     turned = [path.length / (2 * np.pi) for path in paths]
-    fastest = ratio * max((float(speed.max()) for speed in speeds), default=0.0)
+    slowest_speed = min((least for least, _ in ranges), default=0.0)
+    fastest = ratio * max((most for _, most in ranges), default=0.0)
     limits = {name: _highest_frequency(recording, name) for name in names}
     slowest = min(names, key=limits.__getitem__)
-    n_turning = np.count_nonzero(velocity > low) + np.count_nonzero(velocity < -low)
+    always = spans == [(0, len(velocity))] and slowest_speed > low
+    standing = 0.0 if always else float(np.mean(np.abs(velocity) <= low))
     row: dict[str, float] = {
         "revolutions": float(sum(turned)),
         "strokes": len(paths),
         "longest_stroke": float(max(turned, default=0.0)),
-        "standing": (len(velocity) - n_turning) / len(velocity),
-        "slowest": ratio * min((float(speed.min()) for speed in speeds), default=0.0),
+        "standing": standing,
+        "slowest": ratio * slowest_speed,
         "fastest": fastest,
         "max_order": limits[slowest] / (fastest / (2 * np.pi)) if fastest else np.inf,
     }
@@ -111,6 +113,19 @@ def _quality(over_angle: AngleRecording) -> Quality:
     units = {name: unit for name, unit in recording.units.items() if name in names}
     has_jump = recording.jump is not None
     return Quality(row, rates, levels, units, tuple(defects), has_jump, forward_share(paths))
+
+
+def speed_range(velocity: NDArray[np.floating]) -> tuple[float, float]:
+    """Return the lowest and the highest speed of velocities in either direction.
+
+    Examples
+    --------
+    >>> speed_range(np.array([-3.0, -2.0])), speed_range(np.array([-3.0, 1.0]))
+    ((2.0, 3.0), (1.0, 3.0))
+    """
+    low, high = float(velocity.min()), float(velocity.max())
+    lowest = float(np.abs(velocity).min()) if low < 0 < high else min(abs(low), abs(high))
+    return lowest, max(-low, high)
 
 
 def forward_share(paths: Sequence[ShaftPath]) -> float:

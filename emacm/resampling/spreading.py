@@ -303,8 +303,8 @@ class Block(NamedTuple):
 
     def since(self, angle: float) -> Block:
         """Return the samples after the last one up to an angle."""
-        passed = np.flatnonzero(self.travel <= angle)
-        return self.cut(int(passed[-1]) + 1 if len(passed) else 0, len(self.travel))
+        passed, n_times = self.travel[::-1] <= angle, len(self.travel)
+        return self.cut(n_times - int(passed.argmax()) if passed.any() else 0, n_times)
 
 
 class FineGrid:
