@@ -94,7 +94,7 @@ class Extent(NamedTuple):
     drawn: tuple[int, ...]
 
 
-FULL = Extent((0, 1, 2, 3), 20, 5.0, tuple(READINGS), tuple(CONDITIONS))
+FULL = Extent((0, 1, 2, 3), 20, 4.0, tuple(READINGS), tuple(CONDITIONS))
 QUICK = Extent((0, 1), 6, 2.0, ("thesis", "band-limited"), (3,))
 
 

@@ -56,6 +56,7 @@ _CAPTION = (
 _UNKNOWN = "a fault left out of training: the unknown state"
 _UNITS = "which units have which faults in training"
 _VARIED = "assumptions varied: faults that are detected at severity 1"
+_PAIRS = "two faults at once, a classifier of single ones"
 _TREND = "early detection of a growing fault"
 _JAM = "jam"
 
@@ -107,9 +108,12 @@ def reproduce_chapter5(
     for name, function in steps.items():
         chapter.tables[name] = function(rows)
         report(f"chapter 5: {name}")
-    chapter.tables["two faults at once, a classifier of single ones"] = pairs_table(features)
+    chapter.tables[_PAIRS] = pairs_table(features)
     chapter.tables[_TREND] = trend_table(features, found, extent.trend_runs[0])
-    chapter.remarks += [*_remarks(extent), unknown_remark(chapter.tables[_UNKNOWN])]
+    chapter.remarks += [
+        *_answers(chapter.tables, detection),
+        unknown_remark(chapter.tables[_UNKNOWN]),
+    ]
     chapter.verdicts += [_jam(chapter.tables[_TREND]), _viable(detection, chapter.tables[_VARIED])]
     return chapter
 
@@ -136,17 +140,24 @@ def _varied(*, quick: bool, n_jobs: int | None) -> pd.DataFrame:
 
 def _jam(trend: pd.DataFrame) -> Verdict:
     """State how early a growing jam is seen, which section 1.1 asks for."""
-    rows = trend.loc[_JAM].dropna()
-    seen = "; ".join(
-        f"{signal} {row['units with an alarm']} units, at severity "
-        f"{row['severity at the alarm']:.2f}, {row['runs left until severity 1']:.0f} runs before "
-        "severity 1"
-        for signal, row in rows.iterrows()
-    )
     return Verdict(
-        f"Chapter 1, can a jam be foreseen: {seen or 'no signal raises an alarm'}. The law by "
-        "which it grows is assumed, so these runs are no forecast.",
+        f"Chapter 1, can a jam be foreseen: {_first_alarm_of(trend, _JAM)} The law by which it "
+        "grows is assumed, so these runs are no forecast of a remaining life.",
         _TREND,
+    )
+
+
+def _first_alarm_of(trend: pd.DataFrame, fault: str) -> str:
+    """Name the signal whose chart sees a fault at the lowest severity, and its false alarms."""
+    rows = trend.loc[fault].dropna()
+    if rows.empty:
+        return "no signal raises an alarm."
+    signal = rows["severity at the alarm"].astype(float).idxmin()
+    severity, left = rows.loc[signal, ["severity at the alarm", "runs left until severity 1"]]
+    return (
+        f"{signal} first, in {rows.loc[signal, 'units with an alarm']} units, at severity "
+        f"{severity:.2f}, {left:.0f} runs before severity 1; without a fault, it raised an alarm "
+        f"in {trend.loc[('none', signal), 'units with an alarm']}."
     )
 
 
@@ -218,16 +229,28 @@ def _compare_rank(chapter: Chapter, by_unit: pd.DataFrame) -> None:
     )
 
 
-def _remarks(extent: Extent5) -> list[str]:
+def _answers(tables: dict[str, pd.DataFrame], detection: pd.DataFrame) -> list[str]:
+    """Answer the questions of chapter 5 in sentences."""
+    severity = detection["severity"].unstack("signal")
+    first = severity[list(SIGNALS.values())].idxmin(axis=1)
+    best = "; ".join(f"{f}: {s} ({severity.loc[f, s]:g})" for f, s in first.items())
+    units, pairs, trend = (tables[name] for name in (_UNITS, _PAIRS, _TREND))
+    accuracy = units["balanced accuracy [%]"]
+    named, other = pairs.mean()
+    conditions = tables[_VARIED][ALL]
+    grown = [fault for fault in dict.fromkeys(trend.index.get_level_values(0)) if fault != "none"]
     return [
-        f"Isolation: balanced accuracy of eleven classes (healthy and ten faults) on units that "
-        f"were not in training, {extent.n_tested} units. Intervals are from a bootstrap over "
-        "units. With as few units, differences within the intervals are not established. Equal "
-        "priors of eleven classes, as in the thesis, take many healthy recordings for a fault; the "
-        "detector above is the one with few false alarms.",
-        "Units: with another unit for each class, the thesis' design, differences between units "
-        "are taken for the fault. Means over the tested units, with the lowest and the highest.",
-        "Growing fault: the baseline is short, so that the chart raises more false alarms than "
-        "stated; its rows without a fault count them. The number of runs left is known from the "
-        "simulation.",
+        f"Which signal, from which severity: {best}.",
+        f"Which condition: {conditions['as assumed']} of ten faults are detected at severity 1 in "
+        f"condition {CONDITION}, {conditions['condition 3']} in condition 3.",
+        f"Several faults at once: {named:.0f} % are decided as one of both by a classifier of "
+        f"single faults, and of {other:.0f} % the other one is named too.",
+        f"One unit or many: balanced accuracy {accuracy.iloc[0]} % with another unit for each "
+        f"class, as in the thesis, {accuracy.iloc[-1]} % with {accuracy.index[-1]}. Means over the "
+        "tested units, lowest and highest.",
+        *(f"How early, {fault}: {_first_alarm_of(trend, fault)}" for fault in grown),
+        "Isolation: units were not in training; intervals are from a bootstrap over few units, and "
+        "differences within them are not established. Equal priors of eleven classes, as in the "
+        "thesis, take many healthy recordings for a fault; the detector has few false alarms. "
+        "Charts: the baseline is short, so that more alarms are false than stated.",
     ]

@@ -81,7 +81,7 @@ FULL = Extent5(
     (("inner ring", "screw"), ("backlash", "lubrication"), ("ball", "phase imbalance")),
 )
 QUICK = Extent5(8, 12, 3, 2, (0.1, 0.4, 1.0), 1, ("jam",), (8, 10), (("inner ring", "screw"),))
-VARIED = Extent5(20, 30, 4, 2, (1.0,), 0, (), (0, 0))
+VARIED = Extent5(20, 40, 4, 1, (1.0,), 0, (), (0, 0))
 VARIED_QUICK = Extent5(6, 6, 1, 1, (1.0,), 0, (), (0, 0))
 
 
