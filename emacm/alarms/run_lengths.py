@@ -25,6 +25,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import chi2, norm
 
+from emacm.alarms.stationarity import lag_correlation
+
 Array = NDArray[np.float64]
 
 
@@ -213,13 +215,8 @@ class _Process:
         self._offsets = (means - grand) * inflation
         centred = baseline - means[groups]
         follows = np.flatnonzero(groups[1:] == groups[:-1]) + 1
-        power = np.sum(centred**2, axis=0)
-        products = np.sum(centred[follows] * centred[follows - 1], axis=0)
-        raw = np.divide(products, power, out=np.zeros_like(power), where=power > 0)
-        # M. G. Kendall, Biometrika 41, 403-404, 1954: the bias is -(1 + 3 rho) / n.
-        corrected = raw + (1 + 3 * raw) / self._lengths.mean()
         largest = settings.largest_correlation
-        self.correlations = np.clip(corrected, -largest, largest)
+        self.correlations = np.clip(lag_correlation(centred, groups), -largest, largest)
         residuals = centred[follows] - self.correlations * centred[follows - 1]
         lost = 2 * n_groups  # degrees of freedom: mean and first reading of each group
         factor = np.sqrt(len(residuals) / max(len(residuals) - lost / 2, 1))

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.signal import detrend
 from scipy.stats import kendalltau, norm, rankdata
 
 Array = NDArray[np.float64]
@@ -87,18 +88,38 @@ def trend_probability(series: Array, parts: NDArray[np.intp], *, largest: float 
     runs = [run for run in runs if len(run) >= 4 and np.ptp(run) > 0]
     if not runs:
         return 1.0
-    lengths = np.array([len(run) for run in runs])
-    products = power = score = 0.0
-    for run in runs:
-        times = np.arange(len(run))
-        ranks = rankdata(run)
-        ranks -= np.polyval(np.polyfit(times, ranks, 1), times)
-        products, power = products + ranks[1:] @ ranks[:-1], power + ranks @ ranks
-        score += kendalltau(times, run).statistic * len(run) * (len(run) - 1) / 2
-    raw = products / power if power > 0 else 0.0
-    correlation = np.clip(raw + (1 + 4 * raw) / lengths.mean(), 0, largest)
+    lengths = [len(run) for run in runs]
+    # An exact trend leaves rounding errors, which are no correlation.
+    ranks = np.concatenate([detrend(rankdata(run)).round(9) for run in runs])
+    numbers = np.repeat(np.arange(len(runs)), lengths)
+    correlation = np.clip(lag_correlation(ranks[:, np.newaxis], numbers, lost=4)[0], 0, largest)
+    taus = [kendalltau(np.arange(len(run)), run).statistic for run in runs]
+    score = sum(tau * n * (n - 1) / 2 for tau, n in zip(taus, lengths, strict=True))
     variance = sum(_variance(n, correlation) for n in lengths)
     return float(2 * norm.sf(abs(score) / np.sqrt(variance)))
+
+
+def lag_correlation(centred: Array, parts: NDArray[np.intp], *, lost: int = 3) -> Array:
+    """Return the correlation of successive rows, corrected for its bias -(1 + lost rho) / n [3]_.
+
+    Parameters
+    ----------
+    centred : ndarray of shape (n_readings, n_columns)
+        Deviations from the means of the parts, or from their linear trends.
+    parts : ndarray of int, shape (n_readings,)
+        Number of the part of each reading, from 0 and in increasing order.
+    lost : int
+        3 for means, 4 for linear trends.
+
+    Returns
+    -------
+    ndarray of shape (n_columns,)
+    """
+    follows = (parts[1:] == parts[:-1])[:, np.newaxis]
+    power = np.sum(centred**2, axis=0)
+    products = np.sum(centred[1:] * centred[:-1] * follows, axis=0)
+    raw = np.divide(products, power, out=np.zeros_like(power), where=power > 0)
+    return raw + (1 + lost * raw) / np.bincount(parts).mean()
 
 
 def _variance(n: int, correlation: float) -> float:
@@ -119,7 +140,7 @@ def serial_correlation(
     rows : ndarray of shape (n_readings, n_columns)
         In the order in which they were taken within each part; columns in comparable units.
     parts : ndarray of int, shape (n_readings,)
-        Number of the part (unit, run) of each reading, in increasing order.
+        Number of the part (unit, run) of each reading, from 0 and in increasing order.
     n_permutations : int
         Number of random orders within the parts.
 
@@ -137,22 +158,12 @@ def serial_correlation(
     >>> round(correlation, 1), probability
     (0.7, 0.001)
     """
-    centred = _centred(rows, parts)
-    follows = (parts[1:] == parts[:-1])[:, np.newaxis]
-
-    def sum_of_products(order: NDArray[np.intp]) -> float:
-        moved = centred[order]
-        return float(np.sum(moved[1:] * moved[:-1] * follows))
-
-    rng, n_rows = np.random.default_rng(0), len(rows)
-    observed = sum_of_products(np.arange(n_rows))
-    n_larger = sum(
-        sum_of_products(np.lexsort((rng.random(n_rows), parts))) >= observed
-        for _ in range(n_permutations)
-    )
-    raw = observed / np.sum(centred**2)
-    correlation = raw + (1 + 3 * raw) / (n_rows / len(np.unique(parts)))
-    return float(correlation), (1 + n_larger) / (1 + n_permutations)
+    centred, rng, n_rows = _centred(rows, parts), np.random.default_rng(0), len(rows)
+    weights = np.sum(centred**2, axis=0) / np.sum(centred**2)
+    observed = weights @ lag_correlation(centred, parts)
+    orders = (np.lexsort((rng.random(n_rows), parts)) for _ in range(n_permutations))
+    n_larger = sum(bool(weights @ lag_correlation(centred[x], parts) >= observed) for x in orders)
+    return float(observed), (1 + n_larger) / (1 + n_permutations)
 
 
 def _centred(rows: Array, parts: NDArray[np.intp]) -> Array:

@@ -7,6 +7,7 @@ from contextlib import suppress
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy.special import softmax
 from scipy.stats import mannwhitneyu
@@ -222,19 +223,14 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         self, X: Any, groups: Any, known: Array, units: Indices, *, level: float = 0.05
     ) -> None:
         """Warn if units are less typical than those of the training were when left out."""
-        typicality = self.typicality(X)
-        numbers = group_codes(np.zeros(len(typicality)) if groups is None else groups, len(X))
-        means = [
-            np.bincount(codes, values) / np.bincount(codes)
-            for values, codes in (
-                (typicality, numbers),
-                (known, np.unique(units, return_inverse=True)[1]),
-            )
-        ]
-        probability = mannwhitneyu(*means, alternative="less").pvalue
+        typicality = pd.Series(self.typicality(X))
+        labels = np.zeros(len(typicality)) if groups is None else groups
+        new = typicality.groupby(group_codes(labels, len(typicality))).mean()
+        usual = pd.Series(known).groupby(units).mean()
+        probability = mannwhitneyu(new, usual, alternative="less").pvalue
         if probability < level:
             warnings.warn(
-                f"{len(means[0])} units with a mean typicality of {means[0].mean():.2g} are less "
+                f"{len(new)} units with a mean typicality of {new.mean():.2g} are less "
                 f"typical than those of the training (p = {probability:.2g}): they may be of "
                 f"another kind, and the sets contain the true class less often than stated. Train "
                 f"with such units, or subtract their baseline (FeatureBaseline).",

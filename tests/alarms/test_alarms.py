@@ -91,6 +91,7 @@ def readings_per_alarm(n_readings, correlation, weight, limit, rng, n_machines=3
     return future.size / n_alarms
 
 
+@pytest.mark.filterwarnings("ignore:the baseline drifts")  # a few of many
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("n_readings", "correlation"), [(50, 0.0), (200, 0.0), (100, 0.5), (200, 0.17)]
