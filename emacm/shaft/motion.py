@@ -336,19 +336,12 @@ class ShaftPath:
         last = self.n_times - 1
         offset, factor = self.start_time * fs, round(fs / self.fs)
         shift = round(offset)
-        if fs != factor * self.fs or abs(offset - shift) > 1e-6:
+        is_within = shift <= start < stop <= shift + last * factor + 1
+        if fs != factor * self.fs or abs(offset - shift) > 1e-6 or last < 3 or not is_within:
             return self._cubic(fs, start, stop)
-        if factor == 1 and start >= shift and stop - 1 - shift <= last:
+        if factor == 1:
             return self.travel[start - shift : stop - shift]
-        # In between, the cubics of all intervals are evaluated at the same places.
-        low = min(max(start, shift + factor), stop)
-        high = max(min(stop, shift + (last - 1) * factor), low)
-        parts = [
-            self._cubic(fs, start, low),
-            self._denser(factor, low - shift, high - shift),
-            self._cubic(fs, high, stop),
-        ]
-        return np.concatenate(parts)
+        return self._denser(factor, start - shift, stop - shift)
 
     def _cubic(self, fs: float, start: int, stop: int) -> NDArray[np.floating]:
         """Return the travel at any times, by the cubic through the four samples around each."""
@@ -369,13 +362,15 @@ class ShaftPath:
 
     def _denser(self, factor: int, start: int, stop: int) -> NDArray[np.floating]:
         """Return the travel at `factor` places in each interval, from place `start` to `stop`."""
-        if start >= stop:
-            return np.empty(0)
         first, last = start // factor, (stop - 1) // factor
-        near, count = self.travel[first - 1 : last + 3], last - first + 1
+        low = min(max(first - 1, 0), self.n_times - 4)
+        near, count = self.travel[low : max(last + 3, 4)], last - first + 1
+        # The cubics next to the ends go on to the ends, as through a sample beyond that is on them.
+        before, after = (4 * (p + r) - 6 * q - s for p, q, r, s in (near[:4], near[:-5:-1]))
+        near = np.concatenate([[before], near, [after, after]])[first - low :]
         travel = np.empty((count, factor))
         for place in range(factor):
-            weights = _lagrange(np.float64(place / factor))
+            weights = _lagrange(place / factor)
             travel[:, place] = sum(w * near[k : k + count] for k, w in enumerate(weights))
         return travel.ravel()[start - first * factor : stop - first * factor]
 
