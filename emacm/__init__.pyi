@@ -7,6 +7,7 @@ from .conditions.signal_baseline import SignalBaseline as SignalBaseline
 from .decisions.classifier import CostSensitiveGaussianBayes as CostSensitiveGaussianBayes
 from .decisions.families import as_families as as_families
 from .decisions.families import family_costs as family_costs
+from .decisions.families import set_costs as set_costs
 from .decisions.least_risk import LeastRiskClassifier as LeastRiskClassifier
 from .decisions.metrics import expected_cost as expected_cost
 from .decisions.metrics import neg_expected_cost as neg_expected_cost
@@ -129,5 +130,6 @@ __all__ = [
     "pulse_times",
     "save_model",
     "score",
+    "set_costs",
     "spectral_kurtosis",
 ]

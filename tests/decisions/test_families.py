@@ -11,6 +11,7 @@ from emacm import (
     CostSensitiveGaussianBayes,
     as_families,
     family_costs,
+    set_costs,
 )
 from emacm.decisions.families import family_mapping
 
@@ -153,3 +154,47 @@ def test_a_class_without_a_family_is_named():
 def test_invalid_families_and_costs_are_refused(families, options, error, message):
     with pytest.raises(error, match=message):
         family_costs(families, **options)
+
+
+OPENING, LEFT = {"screw": 2.0, "bearing": 1.0, "motor": 4.0}, {"screw": 9, "bearing": 5, "motor": 6}
+SETS = ["healthy", "screw", "bearing", "motor", "screw + bearing", "motor + screw"]
+
+
+@given(st.lists(st.floats(0.01, 1), min_size=6, max_size=6))
+def test_a_part_is_opened_where_its_probability_exceeds_the_ratio_of_its_costs(weights):
+    posterior = np.array(weights) / np.sum(weights)
+    cost = set_costs(SETS, OPENING, LEFT)
+    risk = cost.to_numpy() @ posterior
+    opened = set(cost.index[risk.argmin()].split(" + ")) - {"healthy"}
+    for part in OPENING:
+        faulty = sum(p for p, state in zip(posterior, SETS, strict=True) if part in state)
+        if abs(faulty * LEFT[part] - OPENING[part]) > 1e-9:
+            assert (part in opened) == (faulty * LEFT[part] > OPENING[part])
+
+
+def test_sets_are_decided_by_a_classifier_of_sets():
+    rng = np.random.default_rng(0)
+    y = np.repeat(["healthy", "bearing", "screw", "bearing + screw"], 40)
+    X = np.array([[5.0 * ("bearing" in label), 5.0 * ("screw" in label)] for label in y])
+    X += rng.standard_normal(X.shape)
+    opening, left = {"bearing": 1, "screw": 1}, {"bearing": 20, "screw": 1.5}
+    cost = set_costs(y, opening, left, other_decisions={"inspect": 5})  # inspecting costs too much
+    model = CostSensitiveGaussianBayes(cost=cost).fit(X, y)
+    decided = model.predict([[0, 0], [0, 5], [5, 0], [5, 5], [2.3, 0], [0, 2.5]]).tolist()
+    # Of the last two one part each is faulty or not: 20 P > 1, but 1.5 P < 1.
+    assert decided == ["healthy", "screw", "bearing", "bearing + screw", "bearing", "healthy"]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"left": {"screw": 1}}, "same parts"),
+        ({"states": ["screw", "gear"]}, "'gear'"),
+        ({"opening": {"screw": "a lot"}, "left": {"screw": 1}, "states": ["screw"]}, "'screw'"),
+        ({"other_decisions": {"screw": 1}}, "set of parts"),
+        ({"opening": dict.fromkeys(range(11), 1), "left": dict.fromkeys(range(11), 1)}, "alone"),
+    ],
+)
+def test_costs_of_sets_that_cannot_be_meant_are_refused(change, words):
+    with pytest.raises((TypeError, ValueError), match=words):
+        set_costs(**{"states": SETS, "opening": OPENING, "left": LEFT} | change)
