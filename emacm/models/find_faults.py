@@ -30,7 +30,8 @@ class NamingSettings:
     """When a fault is named or suspected.
 
     Chosen by ``python benchmarks/bearings.py`` on the drive end of CWRU and on MFPT, and, for
-    several faults, on simulated bearings; `further` and `narrow` also after a look at UESTC.
+    several faults, on simulated bearings; `further` and `narrow` also after a look at UESTC. That
+    `named` and `depth` also hold for a further fault follows two false balls of the drive end.
 
     Attributes
     ----------
@@ -155,7 +156,8 @@ def find_faults(
     that those before it do not explain, in a spectrum of up to 100 revolutions: harmonics of those,
     and their sidebands at three multiples of shaft and cage. At least two such lines (and the
     lowest order, unless it is explained) must be 9 dB above a background of 12 spectral lines on
-    either side. Lines that coincide name nothing: the faults of bearings with orders near whole
+    either side, and their score and depth must reach the limits of a first fault without `healthy`.
+    Lines that coincide name nothing: the faults of bearings with orders near whole
     numbers are often told apart incompletely.
 
     A channel that is constant, clipped or has drop-outs is not assessed. Nor is a recording in
@@ -324,6 +326,8 @@ class _Spectrum(NamedTuple):
             if fault.series.name not in named
             and not fault.modulated(faults)
             and fault.p <= false_alarm / len(faults)
+            and fault.score >= SETTINGS.named
+            and not fault.depth < SETTINGS.depth  # it is NaN in a table
             and sorted(fault.heights)[-2:][0] >= SETTINGS.further
             and not fault.first < SETTINGS.further  # it is NaN where it is explained
             and np.mean(fault.heights) >= least

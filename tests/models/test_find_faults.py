@@ -216,6 +216,18 @@ def test_the_rings_of_the_mfpt_rig_are_named_and_its_healthy_bearings_are_not():
     assert found["named"].tolist() == [kinds[name[0]] for name in names]
 
 
+@pytest.mark.parametrize("name", ["1772_IR_14_DE12", "1797_IR_7_DE12", "1750_OR@3_14_FE"])
+def test_a_damaged_ring_of_the_cwru_rig_has_no_damaged_ball(name):
+    file = DATA / "bearings" / "cwru_faults_12k.npz"
+    if not file.exists():
+        pytest.skip("no CWRU recordings; set EMACM_DATA to their folder")
+    speed, kind, _, end = name.split("_")
+    with np.load(file) as stored:
+        run = Recording({"casing": stored[name].ravel()}, 12_000, velocity=TURN * int(speed) / 60)
+    bearing = Bearing(8, 6.746, 28.499) if end == "FE" else Bearing(9, 7.94, 39.04)
+    assert find_faults([run], bearing)["named"][0] == {"IR": "BPFI"}.get(kind, "BPFO")
+
+
 def test_healthy_recordings_of_another_sampling_rate_are_refused():
     slow = Recording({"casing": running().signals["casing"]}, FS / 2, velocity=30.0)
     with pytest.raises(ValueError, match=r"recording 0: channel 'casing' is sampled at 12000 Hz"):
