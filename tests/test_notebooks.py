@@ -44,7 +44,7 @@ def assert_runs_as_kept(path, folder):
 
 
 def test_the_notebooks_are_numbered_as_they_are_read():
-    assert [path.stem[:2] for path in NOTEBOOKS] == [f"{n:02}" for n in (*range(1, 12), 13)]
+    assert [path.stem[:2] for path in NOTEBOOKS] == [f"{n:02}" for n in range(1, 14)]
 
 
 @pytest.mark.parametrize("path", **NAMES)
