@@ -18,9 +18,8 @@ from emacm._checks import check_count, check_number, check_table, located
 from emacm._saved import SavedEstimator
 from emacm.alarms.stationarity import instability
 from emacm.calibration.left_out import grouped_quantile, left_out
-from emacm.recordings.inputs import as_list
+from emacm.recordings.inputs import as_list, paths_or_numbers
 from emacm.recordings.meta import read_grouping, read_meta
-from emacm.recordings.names import printable
 
 
 def health_trend(model: Any, recordings: Any, *, unit: Any = None, time: Any) -> pd.DataFrame:
@@ -84,7 +83,7 @@ def health_trend(model: Any, recordings: Any, *, unit: Any = None, time: Any) ->
                 values[k] = index.transform(model[:-1].transform([entry]), units[k : k + 1])[0, 0]
         except Exception as error:  # whatever it is, it is the result for this recording
             errors[k] = " ".join(str(error).split()) or type(error).__name__
-    names = [printable(x.path) if hasattr(x, "path") else n for n, x in enumerate(entries)]
+    names = paths_or_numbers(entries)
     return index._trend(values, times, units, recording=names, error=errors)
 
 

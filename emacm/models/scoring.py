@@ -33,8 +33,7 @@ from emacm.explanations.deviations import second_state_statement
 from emacm.explanations.explain import explain_decision
 from emacm.files.folder import FileRecording
 from emacm.orders.bin_transformer import BinTransformer, collected_statements
-from emacm.recordings.inputs import as_list, received, run
-from emacm.recordings.names import printable
+from emacm.recordings.inputs import as_list, paths_or_numbers, received, run
 from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler
 from emacm.resampling.quality import Quality, recording_quality
@@ -102,7 +101,7 @@ def score(model: Any, recordings: Any, *, n_jobs: int | None = None) -> pd.DataF
     if hasattr(recordings, "__len__") and not len(recordings):
         return pd.DataFrame(columns=columns)
     entries = as_list(recordings)
-    names = [printable(x.path) if hasattr(x, "path") else n for n, x in enumerate(entries)]
+    names = paths_or_numbers(entries)
     rows = scored_rows(model, [partial(_itself, entry) for entry in entries], names, n_jobs)
     return pd.DataFrame(rows, columns=columns)
 

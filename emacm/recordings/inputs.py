@@ -25,6 +25,7 @@ from emacm._checks import located_error, once_hint
 from emacm._saved import SavedEstimator
 from emacm.recordings.names import check_channel_names as check_channel_names
 from emacm.recordings.names import chosen_channels as chosen_channels
+from emacm.recordings.names import printable
 from emacm.recordings.recording import Recording
 
 
@@ -157,6 +158,11 @@ def described(recording: Any, index: int, *, longest: int = 200) -> str:
 def entry_name(X: Any, index: int) -> str:
     """Return how a message names an entry of X: a row of a table, or a recording."""
     return f"row {index}" if isinstance(X, pd.DataFrame) else described(X[index], index)
+
+
+def paths_or_numbers(entries: Sequence[Any]) -> list[str | int]:
+    """Return the path of each entry that comes from a file, and the number of each other one."""
+    return [printable(x.path) if hasattr(x, "path") else n for n, x in enumerate(entries)]
 
 
 def names_of(recordings: Sequence[Any]) -> list[Callable[[], str]]:

@@ -96,7 +96,7 @@ class Comb(NamedTuple):
         return self.level >= SETTINGS.comb_level and self.margin >= SETTINGS.comb_margin
 
 
-def line_heights(signal: Array, fs: float, lowest: float, highest: float) -> tuple[Array, Array]:
+def comb_heights(signal: Array, fs: float, lowest: float, highest: float) -> tuple[Array, Array]:
     """Return frequencies and heights [dB] of a spectrum over its median in half of `lowest`."""
     n_fft = fft.next_fast_len(4 * len(signal), real=True)
     power = np.abs(fft.rfft((signal - signal.mean()) * np.hanning(len(signal)), n_fft)) ** 2
@@ -117,7 +117,7 @@ def find_comb(signal: Array, fs: float, speeds: tuple[float, float]) -> Comb:
     limited heights, no strong line decides alone.
     """
     orders = np.arange(1.0, SETTINGS.comb_orders + 1)
-    frequencies, heights = line_heights(signal, fs, speeds[0], (orders[-1] + 1) * speeds[1])
+    frequencies, heights = comb_heights(signal, fs, speeds[0], (orders[-1] + 1) * speeds[1])
     grid = np.arange(*speeds, frequencies[1] / (2 * orders[-1]))
     levels = _mean_height(frequencies, heights, grid, orders)
     best, margin = _highest(levels, grid, 2 * fs / len(signal))
@@ -158,8 +158,8 @@ def find_shaft(
     spectrum = fft.rfft(samples - samples.mean())
     white = fft.irfft(spectrum / np.maximum(np.abs(spectrum), 1e-300), len(samples))
     envelope = np.abs(hilbert(white)) ** 2
-    frequencies, heights = line_heights(samples, fs, speeds[0], top)
-    _, of_envelope = line_heights(envelope, fs, speeds[0], top)
+    frequencies, heights = comb_heights(samples, fs, speeds[0], top)
+    _, of_envelope = comb_heights(envelope, fs, speeds[0], top)
     step = frequencies[1] / (2 * orders[-1] * speeds[1])  # on logarithmic grids
     grid = np.exp(np.arange(np.log(speeds[0]), np.log(speeds[1]), step))
     start = np.log(speeds[0] * least)
