@@ -286,7 +286,10 @@ def _check_recipe(options: argparse.Namespace) -> None:
 
 def _add_time(add: Add) -> None:
     """Add where the time of a recording is."""
-    time = "key of meta with the time of a recording (default: when its file was written)"
+    time = (
+        "key of meta with the time of a recording; default: when it started, if its file states "
+        "dates, else when the file was written"
+    )
     add("--time", metavar="KEY", help=time)
 
 

@@ -26,6 +26,7 @@ from emacm.recordings.recording import CONTENT, Recording
 from emacm.shaft.motion import LazySeries, Series
 
 _recent: Recent[Recording] = Recent(1 << 28)  # bytes, in addition to the last of each thread
+_starts: Recent[tuple[pd.Timestamp | None]] = Recent(100_000)  # of so many files
 _last = threading.local()  # the content that this thread reads, of any size
 
 Step = tuple[Callable[..., dict[str, Any]], tuple[Any, ...]]
@@ -150,7 +151,12 @@ class FileRecording(Recording):
 
         None if it does not; TDMS and MDF files do, and those with a column of dates.
         """
-        return self.content().once("start", lambda: None)
+        key = (self._states, self.layout.key)
+        found = _starts.get(key)
+        if found is None:
+            found = (self.content().once("start", lambda: None),)
+            _starts.put(key, found, 1)
+        return found[0]
 
     def release(self) -> None:
         """Drop the content from memory; it is read again when it is needed."""
@@ -231,7 +237,7 @@ class FileSeries(LazySeries):
         return [np.asarray(self)]
 
 
-def open_recording(path: str | os.PathLike[str], layout: Layout) -> Recording:
+def open_recording(path: str | os.PathLike[str], layout: Layout) -> FileRecording:
     """Open a recording in a file: its samples are read and checked when they are first needed.
 
     It is a `Recording` like any other, with the same results bit by bit. It is pickled as its

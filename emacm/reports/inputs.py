@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from emacm._checks import located
+from emacm.files.folder import open_recording
 from emacm.files.layout import Layout
 from emacm.files.toml_files import read_toml
 from emacm.machine.gears import Gear, PlanetaryGear
@@ -162,7 +164,8 @@ def with_units_and_times(
     unit : str, optional
         Key of meta. None: the column is left out.
     time : str, optional
-        Key of meta. None: the time when the file was written.
+        Key of meta. None: the time at which the recording started, if the file states it; else
+        that at which the file was written.
 
     Returns
     -------
@@ -195,7 +198,7 @@ def units_and_times(
     def values(key: str) -> list[Any]:
         return [_value_of(path, layout, key) for path in paths]
 
-    times = [_written(path) for path in paths] if time is None else values(time)
+    times = [_started(path, layout) for path in paths] if time is None else values(time)
     return None if unit is None else values(unit), times
 
 
@@ -210,7 +213,11 @@ def _value_of(path: Path, layout: Layout, key: str) -> Any:
         return meta[key]
 
 
-def _written(path: Path) -> pd.Timestamp:
+def _started(path: Path, layout: Layout) -> pd.Timestamp:
     if not path.exists():
         return pd.Timestamp.now()
+    with suppress(ImportError, OSError, TypeError, ValueError):  # its row or page states why
+        start = open_recording(path, layout).start
+        if start is not None:
+            return start
     return pd.Timestamp.fromtimestamp(path.stat().st_mtime)

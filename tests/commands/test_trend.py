@@ -7,7 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from emacm import Layout
 from emacm.__main__ import main
+from emacm.reports.inputs import units_and_times
 
 LAYOUT = 'fs = 1000\nvelocity = "speed"\nmeta = "{unit}_{day:d}"\n[units]\nspeed = "rpm"\n'
 N = 2400
@@ -142,3 +144,17 @@ def test_results_that_cannot_be_used_are_status_2(results, capsys, arguments, me
 def test_a_trend_needs_files_or_results(results, capsys):
     assert main(["trend", "--layout", "layout.toml"]) == 2
     assert "or --results, a table of emacm score" in capsys.readouterr().err
+
+
+def test_times_are_those_that_the_files_state(tmp_path):
+    rows = "time,b\n2026-11-0{}T08:01:00,1\n2026-11-0{}T08:01:01,2\n"
+    for day in (1, 2):
+        (tmp_path / f"dated_{3 - day}.csv").write_text(rows.format(day, day))
+    (tmp_path / "undated.csv").write_text("time,b\n0,1\n1,2\n")
+    (tmp_path / "damaged.csv").write_text("time")
+    names = ("dated_1", "dated_2", "undated", "damaged")
+    paths = [tmp_path / f"{name}.csv" for name in names]
+    _, times = units_and_times(paths, Layout(velocity=3.0), None, None)
+    assert times[:2] == [pd.Timestamp("2026-11-02T08:01"), pd.Timestamp("2026-11-01T08:01")]
+    written = [pd.Timestamp.fromtimestamp(path.stat().st_mtime) for path in paths]
+    assert times[2:] == written[2:]
