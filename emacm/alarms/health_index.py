@@ -130,8 +130,8 @@ class HealthIndex(TransformerMixin, SavedEstimator):
     group of recordings of the unit is left out; for others, a whole unit.
 
     The groups, in their order, must be exchangeable. Where successive ones are alike, with a
-    correlation of 0.6, 13 to 48 % of healthy recordings exceeded a limit of 5 % (20 simulated
-    groups of 4 and 24 features), and with 0.8, 34 to 92 %. `fit` therefore warns of a drift
+    correlation of 0.6, 14 to 44 % of healthy recordings exceeded a limit of 5 % (20 simulated
+    groups of 4 and 24 features), and with 0.8, 38 to 89 %. `fit` therefore warns of a drift
     (modified Mann-Kendall test) and of a correlation of at least 0.2 (`emacm.alarms.stationarity`),
     and does so without need for 1 % of the baselines. Of bearings that run in (PRONOSTIA; 20
     records in 33 minutes as the baseline, 24 levels of bands and 2 of channels), the median one
@@ -140,8 +140,8 @@ class HealthIndex(TransformerMixin, SavedEstimator):
     other two 83 and 90 %: what changes after the baseline is not in it).
 
     Rows of `fit` are closer to their own mean: of charts with a baseline of 20 rows (`CUSUM` 0.5
-    with limit 5, 4 and 24 features), 78 and 100 % gave a false alarm within 200 healthy readings,
-    and 42 and 40 % with `left_out_`, as of any baseline of 20 readings.
+    with limit 5, 4 and 24 features), 73 and 100 % gave a false alarm within 200 healthy readings,
+    and 27 and 31 % with `left_out_` (``benchmarks/stated_limits.py``).
 
     Covariances are estimated with the shrinkage of Ledoit and Wolf, of standardised features.
     Features that are constant in the healthy recordings are not used. Powers should be logarithms.

@@ -34,7 +34,7 @@ class BaselineTests:
         With fewer readings or groups there is no test.
     least_correlation : float
         Smaller correlations of successive readings are not stated, as they hardly change the
-        alarm rate: at 0.2, simulated indices exceed limits of 5 % in 5 to 7 % of cases.
+        alarm rate: at 0.2, simulated indices exceed limits of 5 % in 4 to 6 % of cases.
     n_permutations : int
         Number of random orders of the readings.
     """
@@ -68,14 +68,14 @@ def trend_probability(series: Array, parts: NDArray[np.intp], *, largest: float 
     Of 1,000 simulated autoregressive series without trend, the share with p < 0.01 is, for
     correlations of successive readings of 0, 0.3, 0.6 and 0.8,
 
-    - 20 readings: 0.004, 0.030, 0.044 and 0.096;
-    - 60 readings: 0.005, 0.023, 0.028 and 0.035;
-    - 200 readings: 0.010, 0.014, 0.012 and 0.021.
+    - 20 readings: 0.007, 0.026, 0.050 and 0.098;
+    - 60 readings: 0.005, 0.015, 0.023 and 0.037;
+    - 200 readings: 0.006, 0.009, 0.013 and 0.016.
 
     The correlation of few readings is uncertain, and slow wandering cannot be told from a trend. A
-    linear drift of 4 standard deviations is found in 95, 61 and 100, 89 % of series (20 readings
-    with correlations of 0 and 0.6, and 60), one of 2 in 32, 21 and 94, 35 %; a run-in of 4 that
-    decays by exp(-4) in 63, 38 and 100, 61 %.
+    linear drift of 4 standard deviations is found in 93 and 59 % of series of 20 readings with
+    correlations of 0 and 0.6, and in 100 and 92 % of 60; one of 2 in 32, 23, 95 and 42 %; a run-in
+    of 4 that decays by exp(-4) in 61, 36, 100 and 56 % (``benchmarks/stated_limits.py``).
 
     Examples
     --------

@@ -199,9 +199,10 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
             If the units are less typical than those of the training were when they were left out
             (test of Mann and Whitney on the mean typicality of each unit, at 5 %): the coverage
             holds for units of the same kind only. On simulated fleets of 50 units the warning came
-            for 3 to 9 % of units of the same kind; of units shifted by half a standard deviation,
-            which were covered with 82 to 85 % in place of 88 %, for 12 % of single units, 56 %
-            of tens and 83 % of forties; shifted by one (71 to 73 %), for 34, 98 and 100 %.
+            for 2 to 5 % of calls with units of the same kind. Of units shifted by half a standard
+            deviation, which are covered with 86 to 87 %, it came for 8 % of single units, 44 % of
+            tens and 76 % of forties; shifted by one (73 to 77 %), for 42, 98 and 99 %
+            (``benchmarks/stated_limits.py``).
         """
         coverage = check_number(coverage, "coverage", above=0, below=1)
         posterior = self.predict_proba(X)
