@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -82,9 +82,9 @@ class Contents:
     @property
     def missing_rates(self) -> dict[str, float]:
         """Proposed rates of the columns without one, for which all columns last equally long."""
-        lengths = {name: len(self.columns.columns[name]) for name in self.channels}
-        if self.shaft in self.columns.columns and self.shaft is not None:
-            lengths[self.shaft] = len(self.columns.columns[self.shaft])
+        columns = self.columns.columns.items()
+        used = {*self.channels, self.shaft}
+        lengths = {name: len(values) for name, values in columns if name in used}
         known = [n / self.rates[name] for name, n in lengths.items() if name in self.rates]
         duration = known[0] if known else max(lengths.values(), default=0) / 12_000
         missing = {name: n for name, n in lengths.items() if name not in self.rates}
@@ -110,9 +110,9 @@ def run(options: argparse.Namespace) -> int:
     paths, failed = [options.file], False
     if options.file.is_dir():
         table = files_table(expanded(paths, None, options.pattern))
-        print(table.drop(columns="path").to_string(index=False), end="\n\n")
-        readable = table["channels"] != ""
-        paths, failed = table["path"][readable | ~readable.any()].tolist(), not readable.all()
+        print(table.drop(columns=["path", "is_read"]).to_string(index=False), end="\n\n")
+        paths = table.sort_values("is_read", ascending=False, kind="stable")["path"].tolist()
+        failed = not table["is_read"].all()
         print(f"{printable(paths[0])}:")
     with located(printable(paths[0])):
         contents = contents_of(paths[0])
@@ -152,23 +152,27 @@ def files_table(paths: Sequence[Path]) -> pd.DataFrame:
     -------
     DataFrame
         Columns "file", "channels", "rate [Hz]", "duration [s]", "shaft", "to be stated" (or why it
-        cannot be read) and "path".
+        cannot be read), "path" and "is_read".
     """
     rows: list[dict[str, Any]] = []
     for path in paths:
-        row = dict.fromkeys(("channels", "rate [Hz]", "duration [s]", "shaft", "to be stated"), "")
+        row = {"file": printable(path), "path": path, "is_read": True}
         try:
             found = contents_of(path)
-            table = contents_table(found).loc[found.channels]
-            rates = table["rate [Hz]"].dropna().sort_values().unique()
-            row["rate [Hz]"] = ", ".join(f"{rate:.9g}" for rate in rates)
-            row["duration [s]"] = f"{table['duration [s]'].max():.6g}"
-            row["channels"], row["shaft"] = ", ".join(found.channels), found.shaft or ""
+            durations = contents_table(found)["duration [s]"]
+            row["channels"], row["shaft"] = ", ".join(found.channels), found.shaft
+            row["rate [Hz]"] = ", ".join(_numbers(found.rates.values()))
+            row["duration [s]"] = f"{durations.max():.6g}"
             row["to be stated"] = "; ".join(found.open)
         except (ImportError, OSError, TypeError, ValueError) as error:
-            row["to be stated"] = f"cannot be read: {error}"
-        rows.append({"file": printable(path)} | row | {"path": path})
-    return pd.DataFrame(rows)
+            row |= {"to be stated": f"cannot be read: {error}", "is_read": False}
+        rows.append(row)
+    columns = ["file", "channels", "rate [Hz]", "duration [s]", "shaft", "to be stated"]
+    return pd.DataFrame(rows, columns=[*columns, "path", "is_read"]).fillna("")
+
+
+def _numbers(values: Iterable[float]) -> list[str]:
+    return [f"{value:.9g}" for value in sorted(set(values))]
 
 
 def contents_of(path: Path) -> Contents:
@@ -337,8 +341,8 @@ def draft_layout(contents: Contents, path: Path, meta: str | None = None) -> str
     if contents.times is not None:
         lines.append(f"# time: the column {_text(contents.times)}, found by its name")
     if contents.rates:
-        found = (f"{rate:.9g}" for rate in sorted(set(contents.rates.values())))
-        lines.append(f"# fs: {', '.join(found)} Hz, found in the file")
+        found = ", ".join(_numbers(contents.rates.values()))
+        lines.append(f"# fs: {found} Hz, found in the file")
     if missing := contents.missing_rates:
         each = ", ".join(f"{_text(name)} = {rate:.9g}" for name, rate in missing.items())
         is_one = not contents.rates and len(set(missing.values())) == 1

@@ -161,7 +161,10 @@ def test_files_of_a_folder_are_listed_and_the_first_that_can_be_read_is_drafted(
 ):
     Path("broken.wav").write_bytes(b"RIFF")
     assert main(["inspect", ".", "--pattern", "*.csv", "--draft", "layout.toml"]) == 0
-    assert "A_worn_3.csv vibration, Strom      2560" in capsys.readouterr().out
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "A_worn_3.csv vibration, Strom 2560 1.5625 speed" in printed
+    pd.DataFrame({"t": [0, 0.5, 1.0], "rpm": 900}).to_csv("speed.csv", index=False)
+    assert main(["inspect", ".", "--pattern", "*.csv"]) == 0  # a second file, without channels
     assert main(["inspect", "."]) == 3
     printed = capsys.readouterr().out
     assert "broken.wav" in printed
