@@ -64,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
     for caveat in found.caveats:
         print(f"- {caveat}")
     model.fit(recordings, labels, **groups_options(model, groups))
-    save_model(model, options.out, note=options.note)
+    save_model(model, options.out, note=options.note, healthy=healthy)
     print(f"Model: {options.out}")
     return 0
 

@@ -25,6 +25,7 @@ from emacm._checks import located
 from emacm._saved import values_as_lists, written_whole
 from emacm._version import __version__
 from emacm.decisions.pipelines import fitted_resamplers, parts_of
+from emacm.decisions.truths import label_positions
 
 _TRUSTED = re.compile(
     r"emacm\.machine\.fault_lines\.LineLevels|scipy\.sparse\._csr\.csr_(array|matrix)"
@@ -64,7 +65,9 @@ def _is_ours(name: str) -> bool:
     return issubclass(found, BaseEstimator | tuple) or is_dataclass(found)
 
 
-def save_model(model: Any, path: str | os.PathLike[str], *, note: str | None = None) -> None:
+def save_model(
+    model: Any, path: str | os.PathLike[str], *, note: str | None = None, healthy: Any = None
+) -> None:
     """Save a fitted model in a file that contains no pickled code.
 
     The file holds the model, as skops writes it, and a description: versions, classes, decisions,
@@ -81,6 +84,9 @@ def save_model(model: Any, path: str | os.PathLike[str], *, note: str | None = N
         The file; it replaces an existing one as a whole.
     note : str, optional
         Any text, for example where the training recordings are.
+    healthy : label, optional
+        The class of healthy recordings, to which reports refer. It becomes the attribute
+        ``healthy_`` of the model, and is stored with it.
 
     Raises
     ------
@@ -93,6 +99,8 @@ def save_model(model: Any, path: str | os.PathLike[str], *, note: str | None = N
     TypeError
         If the model contains something that cannot be stored without pickle; the message names
         it. ``joblib.dump`` stores any model, in files that execute code.
+    ValueError
+        If `healthy` is not a class of the model.
 
     See Also
     --------
@@ -120,6 +128,9 @@ def save_model(model: Any, path: str | os.PathLike[str], *, note: str | None = N
     file = Path(path)
     if not file.parent.is_dir():
         raise FileNotFoundError(f"there is no folder {str(file.parent)!r}.")
+    if healthy is not None:
+        label_positions([healthy], np.asarray(model.classes_).tolist(), "healthy", "class")
+        model.healthy_ = healthy
     skops = _skops()
     with values_as_lists():
         try:
@@ -208,7 +219,8 @@ def describe_model(path: str | os.PathLike[str]) -> dict[str, Any]:
     Returns
     -------
     dict
-        "note", "saved" (time, UTC), "versions", "model" (class), "steps", "classes", "decisions",
+        "note", "saved" (time, UTC), "versions", "model" (class), "steps", "classes",
+        "healthy" (None if it was not stated), "decisions",
         "cost" (rows: decisions, columns: truths), "truths", "priors", "channels", "units" and
         "training_range" (of the training recordings of each resampler) and "check" (rows of
         features with their posteriors).
@@ -269,6 +281,7 @@ def _description(model: Any, note: str | None) -> dict[str, Any]:
         "steps": [name for name, _ in getattr(model, "steps", ())],
         **lists,
         "priors": _plain(model, "priors"),
+        "healthy": getattr(model, "healthy_", None),
         "channels": list(fitted[0].channels_) if fitted else [],
         "units": [getattr(part, "training_units_", {}) for part in fitted],
         "training_range": [getattr(part, "training_range_", None) for part in fitted],

@@ -91,8 +91,9 @@ def maintenance_report(
         `Bearing`, `Gear` and so on, or mappings of fault names to orders: the components whose
         orders are looked for. Default: those of a `FaultLines` step of the model.
     healthy : label, optional
-        The healthy state. Default: "healthy" or "normal". Deviations are from its mean; without
-        such a state, from that of the most probable other one.
+        The healthy state. Default: that stated to `save_model`, or else "healthy" or "normal".
+        Deviations are from its mean; without such a state, from that of the most probable other
+        one.
     background : list of Recording, optional
         Healthy recordings. Needed only where the features are projections (PCA, LDA).
     history : DataFrame, optional
@@ -251,7 +252,8 @@ def read_settings(
     if isinstance(model, str | os.PathLike):
         file, model = Path(model), load_model(model)
     classes = check_model(model)
-    healthy = healthy_label(classes, healthy, "healthy", required=False)
+    stated = getattr(model, "healthy_", None) if healthy is None else healthy
+    healthy = healthy_label(classes, stated, "healthy", required=False)
     if parts is not None:
         fault_series(parts, 1)  # raises if one is invalid
     facts = model_facts(model, file)

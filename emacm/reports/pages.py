@@ -242,8 +242,8 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, verdict:
         page.notes.append(f"Which orders are raised is not known: {error}")
         return
     judged = lines_of_envelopes(page, parts, recording)
-    if verdict.kind == "fault":  # nothing is normal against the decision
-        judged = [fault.name for fault in fault_series(parts or {"": 1.0}, 1)]
+    if verdict.kind == "fault" and parts is not None:  # nothing is normal against the decision
+        judged = [fault.name for fault in fault_series(parts, 1)]
     found = find_raised(table, str(reference), parts, page.spectra, judged=judged)
     page.deviations, page.findings, page.reference = table, found, str(reference)
     page.rows = found.rows

@@ -28,7 +28,9 @@ from emacm import (
     Recording,
     RecordingStatistics,
     bearing_recipe,
+    describe_model,
     family_costs,
+    save_model,
 )
 from emacm.reports.maintenance import read_settings
 from emacm.reports.pages import Page, lines_of_envelopes, page_of
@@ -67,6 +69,21 @@ def test_a_page_states_which_orders_of_which_component_are_raised_by_how_many_de
     assert len(found.rows) == 1
     assert not any("no series of raised lines" in t for t in found.normal)  # it is faulty
     assert "all 34 order bands of amps as in 'healthy'" in found.normal
+
+
+def test_pages_refer_to_the_healthy_state_that_is_stored_with_the_model(tmp_path):
+    german = {"healthy": "gut", "outer race": "aussenring", "inner race": "innenring"}
+    bayes = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto")
+    model = make_pipeline(*steps(FunctionTransformer(np.log10), bayes=bayes))
+    model.fit(runs(), [german[label] for label in STATES])
+    with pytest.raises(ValueError, match="healthy"):
+        save_model(model, tmp_path / "german.emacm", healthy="normal")
+    save_model(model, tmp_path / "german.emacm", healthy="gut")
+    assert describe_model(tmp_path / "german.emacm")["healthy"] == "gut"
+    found = page(tmp_path / "german.emacm", recording("healthy", 99))
+    assert (found.decision, found.kind, found.reference) == ("gut", "healthy", "gut")
+    found = page(tmp_path / "german.emacm", recording("outer race", 99))
+    assert (found.decision, found.kind, found.reference) == ("aussenring", "fault", "gut")
 
 
 def test_lines_in_the_envelope_are_stated_whatever_the_model_decides():
