@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import solve_triangular
+from scipy.linalg import lapack
 
 Array = NDArray[np.float64]
 
@@ -203,7 +203,7 @@ def inverse_factor(covariance: Array) -> tuple[Array, float] | None:
         if eigenvalues[0] <= rounding * eigenvalues[-1]:
             return None
     root = root * deviations
-    inverse = solve_triangular(root, np.eye(len(root)), lower=True).T
+    inverse = lapack.dtrtri(root, lower=1)[0].T  # a third of the work of solving for the identity
     return inverse, float(2 * np.log(np.diagonal(root)).sum())
 
 
