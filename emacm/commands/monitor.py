@@ -39,8 +39,11 @@ def run(options: argparse.Namespace) -> int:
         0; 3 if rows were invalid and skipped.
     """
     layout, model = Layout.from_toml(options.layout), load_model(options.model)
-    if layout.tacho is not None:
-        raise ValueError("a layout with tacho needs whole recordings; give velocity or angle.")
+    if layout.tacho is not None or layout.of_second_file() is not None:
+        raise ValueError(
+            "a layout with tacho or a second file needs whole recordings; give a column of FILE as "
+            "velocity or angle."
+        )
     if options.source == "-" and options.state is not None:
         raise ValueError("--state needs a file, as the standard input cannot be read again.")
     with ExitStack() as stack:

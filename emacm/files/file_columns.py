@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -168,13 +168,12 @@ def recording_arguments(
     if of_second is None:
         n_times = {len(values) for values in signals.values()}
         return arguments | _shaft(content, layout, shaft, rates, highest, n_times)
-    if second is None:
-        raise ValueError("its layout names a second file for the shaft; here, a column is needed.")
+    second = FileColumns() if second is None else second
     with located("the second file"):
         shaft = _shaft_column(second, of_second)
         rates = rates_of_columns(second, of_second, _time_column(second, of_second))
         motion = _shaft(second, of_second, shaft, rates, highest, set())
-        delay = _start(second, of_second) - _start(content, layout)
+        delay = _delay((content, layout), (second, of_second))
         longest = max(len(values) / fs[name] for name, values in signals.items())
         return arguments | _aligned(motion, delay, longest)
 
@@ -212,30 +211,21 @@ def time_of_sample(content: FileColumns, layout: Layout, number: int) -> float |
     return float(value[0]) * unit_factor(unit, "time")
 
 
-class _Start(NamedTuple):
-    """When a file starts [s]; `is_date` if since 1970, else on its own clock."""
-
-    seconds: float
-    is_date: bool
-
-    def __sub__(self, other: _Start) -> float:
-        """Return by how much this file starts later than another one [s]."""
-        if self.is_date == other.is_date:
-            return self.seconds - other.seconds
-        if min(self, other, key=lambda start: start.is_date).seconds:
-            raise ValueError(
-                "its times cannot be compared with those of the first file: one of them are dates, "
-                "the others do not begin at 0. State both alike, or time = false where they start "
-                "at the same instant."
-            )
+def _delay(first: tuple[FileColumns, Layout], second: tuple[FileColumns, Layout]) -> float:
+    """Return by how much the second file starts later [s]; 0 if one of them states no times."""
+    dates = start_of(*first), start_of(*second)
+    if dates[0] is not None and dates[1] is not None:
+        return (dates[1] - dates[0]).total_seconds()
+    clocks = time_of_sample(*first, 0), time_of_sample(*second, 0)
+    if clocks[0] is None or clocks[1] is None:
         return 0.0
-
-
-def _start(content: FileColumns, layout: Layout) -> _Start:
-    date = None if layout.time is False else start_of(content, layout)
-    if date is not None:
-        return _Start(date.timestamp(), is_date=True)
-    return _Start(time_of_sample(content, layout, 0) or 0.0, is_date=False)
+    if dates != (None, None) and clocks[0 if dates[0] is None else 1]:
+        raise ValueError(
+            "its times cannot be compared with those of the first file: one of them are dates, the "
+            "others do not begin at 0. State both alike, or time = false for the second file if "
+            "both start at the same instant."
+        )
+    return clocks[1] - clocks[0] if dates == (None, None) else 0.0
 
 
 def start_of(content: FileColumns, layout: Layout) -> pd.Timestamp | None:
@@ -244,7 +234,7 @@ def start_of(content: FileColumns, layout: Layout) -> pd.Timestamp | None:
     In UTC if a time zone is stated. Times of day without a date are not known.
     """
     name = _time_column(content, layout)
-    start = content.start
+    start = None if layout.time is False else content.start
     if name is not None and content.columns[name].dtype.kind not in "iuf":
         start = dates_of(content.columns[name][:1], name).iloc[0]
     if start is None or start.year == 1970:  # of a time of day, or of a clock that was not set

@@ -19,7 +19,7 @@ from emacm.files.toml_files import read_toml
 from emacm.recordings.names import chosen_channels, printable, split_unit
 
 _SECOND = ("file", "column", "fs", "time")  # of the shaft in a second file
-_TACHO = (*_SECOND, "pulses_per_rev", "threshold", "hysteresis", "edge", "repair")
+_TACHO = ("column", "pulses_per_rev", "threshold", "hysteresis", "edge", "repair")
 _FIELDS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "": (r"[^/]+", str),
     "d": (r"[+-]?\d+", int),
@@ -55,7 +55,7 @@ class Layout:
         without a column "speed". In a second file: ``{"file": "{stem}_speed.csv", "column":
         "speed [rpm]"}``, where {stem} is the name of the first file without its suffix, and fields
         of `meta` may be used; "fs" (or "time") states its rate (or column of times). Both files
-        are aligned by their times; without these, they must start at the same instant.
+        are aligned by their times; where one has none, they must start at the same instant.
     angle : str or mapping, optional
         Column with the shaft angle, cumulative or wrapped; rad unless another unit is stated. In a
         second file: as for `velocity`.
@@ -238,8 +238,10 @@ def _is_number(value: Any) -> bool:
 
 
 def _is_tacho(value: Any) -> bool:
-    column = value.get("column") if isinstance(value, Mapping) else value
-    return _is_name(column) and (column is value or not set(value) - set(_TACHO))
+    if not isinstance(value, Mapping):
+        return _is_name(value)
+    known = {*_TACHO, *(_SECOND if "file" in value else ())}
+    return _is_name(value.get("column")) and known >= set(value)
 
 
 def _is_column(value: Any) -> bool:

@@ -112,7 +112,7 @@ def test_costs_and_priors_of_the_command_are_in_the_saved_model(here):
         ),
         (["--labels", "condition"], "has no meta key 'condition'"),
         (["--priors", "x"], "--priors must be 'uniform'"),
-        (["--max-order", "-3"], "the highest order (--max-order) must be a number above 0"),
+        (["--max-order", "-3"], "--max-order: expected a number above 0"),
         (["--cost", "none.csv"], "none.csv"),
     ],
 )

@@ -306,6 +306,7 @@ def test_a_bad_file_of_a_layout_is_refused(tmp_path, text, message):
         ({"channels": "b"}, TypeError, "channels must be a list of names"),
         ({"channels": {"b": 3}}, TypeError, "channels must be names, or map names"),
         ({"velocity": [3]}, TypeError, "velocity must be a number, the name of a column"),
+        ({"tacho": {"column": "a", "fs": 9}}, TypeError, "tacho must be the name of a column"),
         ({"velocity": {"file": "a.csv"}}, TypeError, "'file' and 'column' of a second file"),
         ({"angle": 3}, TypeError, "angle must be the name of a column"),
         ({"tacho": {"pulses_per_rev": 3}}, TypeError, "tacho must be .* a mapping with 'column'"),

@@ -58,10 +58,20 @@ def test_the_speed_of_a_second_file_is_aligned_by_the_times_of_both(tmp_path, fi
         assert recording.digest
 
 
-def test_without_times_both_files_start_at_the_same_instant(tmp_path):
+@pytest.mark.parametrize(
+    ("first", "shift", "options"),
+    [
+        (None, None, {"fs": SLOW}),
+        (TIMES + 1000, None, {"fs": SLOW}),
+        (None, 0.3, {}),
+        (DATES, 0.0, {}),
+        (DATES, 7.0, {"fs": SLOW, "time": False}),
+    ],
+)
+def test_without_times_both_files_start_at_the_same_instant(tmp_path, first, shift, options):
     times = np.arange(DURATION * SLOW) / SLOW
-    path = write_pair(tmp_path, None, (None, rpm(times)))
-    layout = Layout(fs=FS, velocity=SPEED | {"fs": SLOW})
+    path = write_pair(tmp_path, first, (None if shift is None else times + shift, rpm(times)))
+    layout = Layout(fs=FS, velocity=SPEED | options)
     recording = open_recording(path, layout)
     np.testing.assert_allclose(recording.velocity, rpm(times) * np.pi / 30, rtol=1e-12)
 
