@@ -30,6 +30,7 @@ def test_a_missing_file_is_one_line_and_exit_code_2(tmp_path, capsys):
         ["score", "none.skops", "x.npz", "--layout", "none.toml"],
         ["trend", ".", ".", "--layout", ".", "--false-alarm", "5 %"],
         ["find", "."],
+        ["find", "none.csv", "--bearing", "6205"],
     ],
 )
 def test_invalid_arguments_are_found_before_libraries_are_imported(arguments):

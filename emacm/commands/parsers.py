@@ -241,7 +241,8 @@ def _trend(command: Add) -> None:
 
 def _add_files(add: Add, number: str = "+", *, needs_layout: bool = True) -> None:
     """Add the files that a command reads, and their layout."""
-    add("paths", metavar="PATH", type=Path, nargs=number, help="files, or folders of files")
+    kind = Path if needs_layout else _existing  # of others, one that is gone has a row or a page
+    add("paths", metavar="PATH", type=kind, nargs=number, help="files, or folders of files")
     layout = "layout of the files (TOML)"
     if not needs_layout:
         layout += "; default: as emacm inspect drafts it, if it leaves nothing open"
