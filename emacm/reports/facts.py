@@ -84,10 +84,12 @@ def span(low: float, high: float, unit: str) -> str:
 
     Examples
     --------
-    >>> span(140.0, 160.04, "Hz"), span(20.001, 20.002, "Hz")
-    ('140 to 160 Hz', '20 Hz')
+    >>> span(140.0, 160.04, "Hz"), span(20.001, 20.002, "Hz"), span(10000.0, 10000.0, "Hz")
+    ('140 to 160 Hz', '20 Hz', '10 kHz')
     """
-    first, last = f"{low:.4g}", f"{high:.4g}"
+    if unit == "Hz" and low >= 1000:
+        low, high, unit = low / 1000, high / 1000, "kHz"
+    first, last = (np.format_float_positional(x, 4, False, False, "-") for x in (low, high))
     return f"{first} {unit}" if first == last else f"{first} to {last} {unit}"
 
 
@@ -171,7 +173,7 @@ def recording_facts(recording: Recording, name: str) -> Facts:
     speed = np.abs(recording.velocity)
     turned = float(np.abs(np.diff(recording.angle)).sum()) / (2 * np.pi)
     channels = [
-        f"{channel} [{recording.units.get(channel) or 'unit not stated'}], {rate:g} Hz"
+        f"{channel} [{recording.units.get(channel) or 'unit not stated'}], {span(rate, rate, 'Hz')}"
         for channel, rate in recording.fs.items()
     ]
     meta = [f"{key} = {value}" for key, value in recording.meta.items()]

@@ -104,7 +104,7 @@ def find_raised(
     -------
     Findings
     """
-    table, common = _without_gain(table.reset_index(drop=True))
+    table, common, gains = _without_gain(table.reset_index(drop=True))
     table["raised"] = is_raised(table)
     series = () if parts is None else fault_series(parts, HARMONICS)
     places = [(fault, name) for fault in series for name in table["channel"].unique()]
@@ -120,10 +120,17 @@ def find_raised(
     gained = [row.channel for row in common]
     normal = stated((quiet, f"no series of raised lines of {listed(quiet, 'or')}"))
     normal += _normal_channels(table, reference, gained)
-    notes = _not_separated(hit) + stated(
-        (gained, f"Other deviations in {listed(gained)} are relative to that of all its orders."),
-        (missing, f"The model has no order bands at the orders of {listed(missing)}."),
-        (len(rows) > most, f"{len(rows) - most} more deviations are not listed."),
+    notes = (
+        gains
+        + _not_separated(hit)
+        + stated(
+            (
+                gained,
+                f"Other deviations in {listed(gained)} are relative to that of all its orders.",
+            ),
+            (missing, f"The model has no order bands at the orders of {listed(missing)}."),
+            (len(rows) > most, f"{len(rows) - most} more deviations are not listed."),
+        )
     )
     sigmas = table["sigmas"].abs()[table["channel"] != ""].dropna()
     worst = "" if sigmas.empty else str(table["channel"][sigmas.idxmax()])
@@ -137,21 +144,31 @@ def is_raised(table: pd.DataFrame) -> NDArray[np.bool_]:
     return sigmas & (large | (table["unit"] != "dB").to_numpy())
 
 
-def _without_gain(table: pd.DataFrame) -> tuple[pd.DataFrame, list[Row]]:
-    """Subtract the deviation that most order bands of a channel have in common, and state it."""
-    rows, table = [], table.assign(raised=is_raised(table))
+def _without_gain(
+    table: pd.DataFrame, *, least: float = 1.0, share: float = 0.8
+) -> tuple[pd.DataFrame, list[Row], list[str]]:
+    """Subtract the deviation that the order bands of a channel have in common, and state it.
+
+    It is their median, if it is at least `least` [dB] and at least a `share` of the bands deviate
+    to the same side; a row if it is large itself, else a sentence.
+    """
+    rows, notes, table = [], [], table.assign(raised=is_raised(table))
     bands = table[(table["unit"] == "dB") & table[["low", "deviation"]].notna().all(axis=1)]
     for channel, own in bands.groupby("channel", sort=False):
         gain = float(own["deviation"].median())
-        same = own["raised"] & (own["deviation"] * gain > 0)
-        if abs(gain) >= LEAST and same.mean() > 0.5:
+        same = own["deviation"] * gain > 0
+        most = abs(gain) >= LEAST and (same & own["raised"]).mean() > 0.5
+        if most or (abs(gain) >= least and same.mean() >= share):
             rest = 1 - gain / own["deviation"]
             table.loc[own.index, "deviation"] -= gain
             table.loc[own.index, "sigmas"] *= rest
-            rows.append(
-                Row("all orders together", channel_name(str(channel)), "all", decibels(gain))
-            )
-    return table, rows
+            name = channel_name(str(channel))
+            if most:
+                rows.append(Row("all orders together", name, "all", decibels(gain)))
+            else:
+                size = f"All orders of {name} together are {decibels(gain)}"
+                notes.append(f"{size}; listed deviations are beyond that.")
+    return table, rows, notes
 
 
 def _label(fault: FaultSeries) -> str:

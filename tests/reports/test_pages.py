@@ -126,6 +126,14 @@ def test_a_healthy_recording_has_nothing_raised_and_much_that_is_normal():
     assert any("as typical as the training" in text for text in found.normal)
 
 
+@pytest.mark.parametrize("decibel", [-2.0, 2.0])
+def test_a_gain_of_all_orders_is_one_sentence_and_no_band_deviates(decibel):
+    found = page(bins_model(), recording("healthy", 97, gain=10 ** (decibel / 20)))
+    assert found.rows == []
+    gained = [note for note in found.notes if note.startswith("All orders of vib together")]
+    assert [f"{abs(decibel):.0f} dB" in note for note in gained] == [True]
+
+
 def test_an_unknown_state_states_what_deviates_and_that_it_is_not_known():
     found = page(bins_model(), recording("healthy", 96, order=4.2))
     assert (found.decision, found.kind) == ("unknown", "unknown")
@@ -313,10 +321,10 @@ def test_facts_of_recording_and_model_are_stated():
     assert facts["Recording"] == "run 7"
     assert facts["Length"] == "4.5 s, 78.77 revolutions"
     assert facts["Speed of the shaft"] == "1050 rpm"
-    assert facts["Channels"] == "vib [m/s²], 2000 Hz; amps [unit not stated], 2000 Hz"
+    assert facts["Channels"] == "vib [m/s²], 2 kHz; amps [unit not stated], 2 kHz"
     facts = dict(found.model_facts)
     assert facts["States"] == "healthy, inner race, outer race"
-    assert facts["Trained on"].startswith("1050 rpm; 78.77 revolutions; 2000 Hz; levels")
+    assert facts["Trained on"].startswith("1050 rpm; 78.77 revolutions; 2 kHz; levels")
     assert "emacm" in facts["Versions"]
     assert "not saved" in facts["Model"]
 
