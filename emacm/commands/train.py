@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import re
+import warnings
+from collections.abc import Sequence
 from math import floor
 from typing import Any
 
@@ -18,7 +21,7 @@ from emacm.commands.score import set_costs
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import groups_options
 from emacm.evaluation.evaluate import evaluate
-from emacm.evaluation.results import as_texts
+from emacm.evaluation.results import Evaluation, as_texts
 from emacm.files.folder import RecordingFolder
 from emacm.files.layout import Layout
 from emacm.models.model_files import save_model
@@ -60,13 +63,63 @@ def run(options: argparse.Namespace) -> int:
     print(pd.Series(labels).value_counts().sort_index().to_string())
     with parallel_config(n_jobs=options.jobs):
         found = evaluate(model, recordings, labels, units=groups, healthy=healthy)
-    print(as_texts(found.table).filter(like=" rate").to_string())
     for caveat in found.caveats:
         print(f"- {caveat}")
     model.fit(recordings, labels, **groups_options(model, groups))
+    _print_rates(model, found)
+    _print_channels(model, recordings, labels, groups, healthy, found)
     save_model(model, options.out, note=options.note, healthy=healthy)
     print(f"Model: {options.out}")
     return 0
+
+
+def _print_rates(model: Pipeline, found: Evaluation) -> None:
+    """Print costs and priors in force, the rates with their yardsticks, and the confusions."""
+    classifier = model[-1]
+    costs = pd.DataFrame(classifier.cost_, classifier.decisions_, classifier.truths_)
+    print("\nCosts (rows: decisions, columns: true states), and priors of the states:")
+    print(costs.rename_axis("decision").to_string())
+    priors = zip(classifier.classes_, classifier.priors_, strict=True)
+    print(", ".join(f"{state}: {prior:.3g}" for state, prior in priors))
+    print("\nRecordings held out:")
+    print(as_texts(found.table).filter(regex=" rate|realised cost").to_string())
+    print("Cost of the same decision for every recording:")
+    constant = found.constant_costs["realised_cost"]
+    print(constant.round(3).to_string())
+    if found.table.loc["by unit", "realised_cost"] >= constant.iloc[0]:
+        print(f"- On new units the model is no better than {constant.index[0]}.")
+    print("Whole units held out, decisions (rows) and true states (columns):")
+    print(found.confusions["by unit"].to_string())
+
+
+def _print_channels(
+    model: Pipeline,
+    recordings: RecordingFolder,
+    labels: Sequence[Any],
+    groups: Sequence[Any],
+    healthy: Any,
+    found: Evaluation,
+) -> None:
+    """Print what the decisions on whole units cost without each channel, and warn if less."""
+    channels = recordings[0].channels
+    if len(channels) < 2:
+        return
+    features = np.asarray(model[:-1].transform(recordings))
+    names = model[:-1].get_feature_names_out()
+    tables = {"all channels": found.table.loc["by unit"]}
+    for channel in channels:
+        of_channel = re.compile(rf"(^|\*){re.escape(channel)}[^\w]")
+        kept = [of_channel.search(name) is None for name in names]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # as for all channels
+            part = evaluate(model[-1], features[:, kept], labels, units=groups, healthy=healthy)
+        tables[f"without {channel}"] = part.table.loc["by unit"]
+    table = pd.DataFrame(tables).T.infer_objects()
+    print("Channels, whole units held out:")
+    print(as_texts(table).filter(regex=" rate|realised cost").to_string())
+    for name, row in table.iloc[1:].iterrows():
+        if row["realised_cost"] < table["realised_cost_low"].iloc[0]:
+            print(f"- {str(name).capitalize()} the decisions cost less: name the other channels.")
 
 
 def extent(

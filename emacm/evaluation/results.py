@@ -115,6 +115,9 @@ class Evaluation(Printed):
     confusions : dict of str to DataFrame
         Counts for each scheme that can be scored: rows are the decision (its family, if there
         are any), columns the true class.
+    constant_costs : DataFrame
+        Mean cost of the same decision for every recording (`ScoringRule.constant_costs`): a
+        classifier that costs more is worse than none.
     calibration : DataFrame
         Reliability curve of each scheme (`emacm.evaluation.figures.reliability`) with
         confidence intervals; empty without probabilities.
@@ -133,6 +136,7 @@ class Evaluation(Printed):
     table: pd.DataFrame
     predictions: pd.DataFrame
     confusions: dict[str, pd.DataFrame]
+    constant_costs: pd.DataFrame
     calibration: pd.DataFrame
     caveats: list[str]
     scoring: ScoringRule
@@ -193,8 +197,10 @@ class Evaluation(Printed):
         return texts
 
     def printed_tables(self) -> dict[str, pd.DataFrame]:
-        """Return the figures of merit, one column for each scheme."""
-        return {"": self.summary().T}
+        """Return the figures of merit, one column for each scheme, and the constant decisions."""
+        constant = self.constant_costs.map("{:.3g}".format)
+        constant.columns = [name.replace("_", " ") for name in constant]
+        return {"": self.summary().T, "The same decision for every recording:": constant}
 
 
 def score_held_out(
@@ -245,6 +251,7 @@ def score_held_out(
         table=table,
         predictions=predictions,
         confusions=confusions,
+        constant_costs=rule.constant_costs(held_out.y.tolist()),
         calibration=pd.concat(curves, ignore_index=True) if curves else pd.DataFrame(),
         caveats=_caveats(held_out, table, predictions, rule),
         scoring=rule,

@@ -86,6 +86,34 @@ class ScoringRule:
             decision for decision in dict.fromkeys(decisions) if decision not in self.costs.index
         ]
 
+    def constant_costs(self, truths: Sequence[Any]) -> pd.DataFrame:
+        """Return the mean cost of the same decision for every recording, as a yardstick.
+
+        Parameters
+        ----------
+        truths : sequence of n_recordings
+            True classes.
+
+        Returns
+        -------
+        DataFrame
+            One row for each of these decisions, the cheapest in service first: the healthy label,
+            the label of the most frequent class, the cheapest decision, and those that are no
+            labels, such as "inspect". "expected_cost": mean over the recordings; "realised_cost":
+            with `priors` as weights of the classes.
+        """
+        share = pd.Series(list(truths)).value_counts(normalize=True)
+        stated = share if self.priors is None else pd.Series(self.priors).reindex(share.index)
+        weights = {"expected_cost": share, "realised_cost": stated / stated.sum()}
+        costs = self.costs[share.index.tolist()]
+        table = pd.DataFrame({name: costs @ weight for name, weight in weights.items()})
+        known = {*self.labels, *self.classes, self.unknown}
+        frequent, cheapest = self.family_of[share.idxmax()], table["realised_cost"].idxmin()
+        named = {self.healthy, frequent, cheapest, *(d for d in table.index if d not in known)}
+        chosen = table[[decision in named for decision in table.index]]
+        ordered = chosen.sort_values("realised_cost", kind="stable")
+        return ordered.rename(index=lambda decision: f"always {decision!r}").rename_axis("decision")
+
     def judge(self, truths: Sequence[Any], decisions: Sequence[Any]) -> pd.DataFrame:
         """Return label, correctness and cost of each decision.
 

@@ -193,3 +193,18 @@ def test_several_correct_decisions_count_as_the_first():
     found = rule.judge(["a", "b", "new"], ["swap", "grease", "swap"])
     assert found["correct"].tolist() == [True, True, False]
     assert found["decided_label"].tolist() == ["grease", "grease", "swap"]
+
+
+def test_the_same_decision_for_every_recording_is_a_yardstick():
+    costs = pd.DataFrame(
+        [[0, 10, 20], [1, 0, 1], [1, 1, 0], [0.4, 0.4, 0.4]],
+        index=["new", "ball", "ring", "inspect"],
+        columns=["new", "ball", "ring"],
+    )
+    priors = {"new": 0.98, "ball": 0.01, "ring": 0.01}
+    classes = np.array(["ball", "new", "ring"])
+    rule = scoring_rule(classes, healthy="new", cost=costs, priors=priors)
+    table = rule.constant_costs(["new", "ball", "ball", "ball"])  # no ring
+    assert table.index.tolist() == ["always 'new'", "always 'inspect'", "always 'ball'"]
+    np.testing.assert_allclose(table["expected_cost"], [7.5, 0.4, 0.25])
+    np.testing.assert_allclose(table["realised_cost"], [0.1 / 0.99, 0.4, 0.98 / 0.99])
