@@ -336,7 +336,7 @@ def test_files_of_any_name_have_rows_and_pages_of_their_own(scored, table):
     assert sorted(unescape(name) for _, name in links) == names
     assert not any(":" in link for link, _ in links)
     for link, name in links:
-        assert f"<h1>{name}</h1>" in (pages / unquote(link)).read_text()
+        assert f'data-name="{name}"' in (pages / unquote(link)).read_text()
 
 
 def test_only_a_table_of_results_is_replaced_and_it_is_not_scored(scored, plant):

@@ -84,7 +84,7 @@ class FileReports:
             for page, digest in zip(pages, part["digest"], strict=True):
                 page.digest = digest
             known = zip(others["recording"], others["decision"], strict=True)
-            self._reports.write(pages, [Page(name, str(made), "other") for name, made in known])
+            self._reports.write(pages, [Page(name, str(made), "state") for name, made in known])
 
     def _pages(self, paths: Sequence[Path], history: pd.DataFrame | None) -> list[Page]:
         layout, unit = self._layout, self._unit

@@ -26,7 +26,7 @@ from emacm.recordings.inputs import as_list
 from emacm.recordings.meta import read_meta
 from emacm.recordings.names import printable
 from emacm.reports.facts import decisions_of, healthy_label, model_facts, when
-from emacm.reports.pages import Page, Settings, page_of
+from emacm.reports.pages import URGENCIES, Page, Settings, page_of
 from emacm.reports.pictures import drawn
 
 
@@ -206,11 +206,16 @@ class Reports:
         links = ["./" + quote(name) for name in names]
         index = self._target / "index.html"
         old = index.read_text(encoding="utf-8", errors="replace") if index.is_file() else ""
-        row_of_link = r'(?s)(<tr><td><a href="([^"]*)">.*?</tr>)'
-        rows = {link: row for row, link in re.findall(row_of_link, old)}
+        row_of_link = r'(?s)(<tr class="(\w+)"><td><a href="([^"]*)">.*?</tr>)'
+        rows = {link: (row, word) for row, word, link in re.findall(row_of_link, old)}
         as_before = [rows.get(link) for link in links[: len(before)]] + [None] * len(pages)
+        entries = [
+            (page, link, *(known or ("", page.urgency)))
+            for page, link, known in zip(listed, links, as_before, strict=True)
+        ]
+        entries.sort(key=lambda entry: URGENCIES.index(entry[3]))
         # The index is first: missing pages, as after a kill, are noticed by the next run.
-        _write(index, "index", entries=zip(listed, links, as_before, strict=True))
+        _write(index, "index", entries=entries)
         files = [
             _write(self._target / name, "maintenance", pages=[_with_picture(page)])
             for page, name in zip(pages, names[len(before) :], strict=True)
@@ -240,7 +245,7 @@ def _is_page(file: Path, name: str, digest: str, n_head: int = 10_000) -> bool:
     if not file.is_file():
         return False
     with open(file, encoding="utf-8", errors="replace") as page:
-        expected = f'<article data-digest="{digest}">\n<h1>{name}</h1>'
+        expected = f'<article data-digest="{digest}" data-name="{name}">'
         return expected in unescape(page.read(n_head))
 
 
@@ -300,6 +305,8 @@ def add_since(
     ValueError
         If the history is not a table, a column is missing, or a time is invalid.
     """
+    for page, unit in zip(pages, units or [], strict=False):
+        page.unit = str(unit)
     if history is None and (units is None or times is None):
         return
     earlier = _checked_history(history, units is not None, times is not None)

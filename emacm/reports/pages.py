@@ -6,6 +6,7 @@ import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ from emacm.orders.columns import parse_order_columns
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.names import unit_ratio
 from emacm.recordings.recording import Recording
-from emacm.reports.facts import Facts, channel_name, recording_facts
+from emacm.reports.facts import Facts, channel_name, recording_facts, when
 from emacm.reports.raised import LEAST, SIGMAS, Findings, Row, Spectra, find_raised
 from emacm.reports.verdicts import Verdict, verdict_on
 
@@ -81,6 +82,9 @@ class Settings:
     background: Any
 
 
+URGENCIES = ("fault", "unknown", "uncertain", "undecided", "check", "listed", "healthy")
+
+
 @dataclass
 class Page:
     """The content of one page.
@@ -91,8 +95,8 @@ class Page:
         The recording.
     decision : str
         The decision, or that there is none.
-    kind : {"healthy", "fault", "unknown", "other", "error"}
-        Kind of the decision.
+    kind : {"healthy", "fault", "unknown", "other", "error", "state"}
+        Kind of the decision; "state" where it is not known which state is the healthy one.
     first : list of str
         What is wrong with the recording; the decision may be wrong if `doubtful`.
     doubtful : bool
@@ -123,6 +127,8 @@ class Page:
         Whose orders are marked.
     digest : str
         Of the file and the settings, by which the page is recognised later.
+    unit, date : str
+        The machine, and when the recording started; empty if they are not known.
     """
 
     name: str
@@ -147,6 +153,22 @@ class Page:
     envelopes: Mapping[str, str] = field(default_factory=dict)
     parts: Any = None
     digest: str = ""
+    unit: str = ""
+    date: str = ""
+
+    @property
+    def title(self) -> str:
+        """Unit and date; the name of the recording if its unit is not known."""
+        machine = f"Unit {self.unit}" if self.unit else Path(self.name).name
+        return f"{machine}, {self.date or 'date of the recording unknown'}"
+
+    @property
+    def urgency(self) -> str:
+        """A word for the decision, one of `URGENCIES`."""
+        if self.kind == "healthy":
+            return "check" if self.doubtful else "healthy"
+        names = {"other": "uncertain", "error": "undecided", "state": "listed"}
+        return names.get(self.kind, self.kind)
 
     @property
     def heading(self) -> str:
@@ -187,7 +209,12 @@ def page_of(settings: Settings, source: Callable[[], Any], name: str) -> Page:
         with collected_statements() as new_lines:
             verdict = verdict_on(settings.model, recording, row, settings.healthy)
         page = Page(name, str(verdict.decision), verdict.kind, sentences=verdict.sentences)
+        if settings.healthy is None and page.kind == "fault":
+            page.kind = "state"
         page.recording, page.model_facts = recording_facts(recording, name), settings.facts
+        page.unit = str(recording.meta.get("unit", ""))
+        start = getattr(recording, "start", None)  # of a file only
+        page.date = "" if start is None else when(start)
         page.units = recording.units
         steps = [(str(k), part) for k, part in enumerate(parts_of(settings.model))]
         page.envelopes = envelopes_of(Pipeline(steps)) if steps else {}
