@@ -16,6 +16,7 @@ from emacm.files.folder import open_recording
 from emacm.files.layout import Layout
 from emacm.recordings.names import printable
 from emacm.reports import inputs
+from emacm.reports.facts import when
 from emacm.reports.maintenance import Reports, add_since, read_settings
 from emacm.reports.pages import Page
 
@@ -96,5 +97,8 @@ class FileReports:
             history = inputs.with_units_and_times(history, layout, unit, self._time)
         names = [printable(path) for path in paths]
         pages = self._reports.pages(sources, names)
+        if self._time is None:  # without a start, it is the time at which the file was written
+            for page, time in zip(pages, times or [], strict=False):
+                page.date = page.date or f"{when(time)} (file time)"
         add_since(pages, history, units, times, self._time or "")
         return pages

@@ -307,6 +307,8 @@ def add_since(
     """
     for page, unit in zip(pages, units or [], strict=False):
         page.unit = str(unit)
+    for page, time in zip(pages, times or [], strict=False):
+        page.date = page.date or when(time, counter)
     if history is None and (units is None or times is None):
         return
     earlier = _checked_history(history, units is not None, times is not None)

@@ -128,7 +128,7 @@ class Page:
     digest : str
         Of the file and the settings, by which the page is recognised later.
     unit, date : str
-        The machine, and when the recording started; empty if they are not known.
+        The machine, and when it was recorded ("file time": written); empty if not known.
     """
 
     name: str

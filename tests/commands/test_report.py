@@ -123,6 +123,7 @@ def test_without_a_key_the_time_is_that_of_the_file(here):
     day = pd.Timestamp.fromtimestamp(1.7e9 + 86400)
     html = Path("all.html").read_text(encoding="utf-8")
     assert f"was &#39;healthy&#39; ({day:%Y-%m-%d %H:%M})" in html
+    assert f"{day:%Y-%m-%d %H:%M} (file time)</h1>" in html
 
 
 @pytest.mark.parametrize(

@@ -101,10 +101,10 @@ def test_the_index_lists_decision_since_action_and_doubt_the_most_urgent_first(f
         parsed(row).text.split() for row in re.findall(r'<tr class="\w+"><td>.*?</tr>', html, re.S)
     ]
     listed = [" ".join(row) for row in rows]
-    assert listed[2].startswith("recording 0 healthy A unknown healthy")
-    assert listed[0].startswith("recording 1 fault A unknown outer race Since cycle 200, in 2")
+    assert listed[2].startswith("recording 0 healthy A cycle 100 healthy")
+    assert listed[0].startswith("recording 1 fault A cycle 300 outer race Since cycle 200, in 2")
     assert listed[0].endswith('Replace <6205> & "seal".')
-    assert listed[1] == "recording 2 undecided A unknown no decision (check the measurement)"
+    assert listed[1] == "recording 2 undecided A cycle 400 no decision (check the measurement)"
     assert not any("check the measurement" in row for row in listed[::2])
 
 
