@@ -1,0 +1,69 @@
+"""Pages of a simulated fleet of pumps: no statement against the decision or the truth."""
+
+import numpy as np
+import pytest
+
+from emacm import Bearing, CostSensitiveGaussianBayes, Recording, bearing_recipe
+from emacm.reports.maintenance import read_settings
+from emacm.reports.pages import page_of
+
+PARTS = Bearing(9, 7.94, 39.04)  # 6205
+RINGS = {"outer": "outer ring", "inner": "inner ring"}
+
+
+def pump(state, seed, fs=10_000, n=40_000):
+    """Return a pump whose impulses excite a resonance at 2.9 kHz; the units differ in gain."""
+    rng, time = np.random.default_rng(seed), np.arange(n) / fs
+    ripple = np.sin(2 * np.pi * 0.4 * time + rng.uniform(0, 6))
+    velocity = 2 * np.pi * (rng.uniform(16, 24) + ripple)
+    angle = np.cumsum(velocity) / fs
+    signal = rng.normal(size=n) + 1.5 * np.sin(angle) + 0.7 * np.sin(2 * angle + 1)
+    order = {"outer": 3.5848, "inner": 5.4152}.get(state)
+    if order is not None:
+        passed = order * (1 - rng.uniform(0.003, 0.012)) * angle / (2 * np.pi)
+        passed += 0.1 * np.cumsum(rng.normal(size=n)) / np.sqrt(fs)
+        hits = np.diff(np.floor(passed), prepend=0) > 0
+        loads = hits * (1 + 0.8 * np.cos(angle) * (state == "inner"))
+        decay = np.exp(-np.arange(80) / 14) * np.sin(2 * np.pi * 2900 / fs * np.arange(80))
+        signal += 6 * np.convolve(loads, decay)[:n]
+    gain = 1 + 0.2 * (seed % 3)
+    return Recording({"vibration": gain * signal}, fs, velocity=velocity, units={"vibration": "g"})
+
+
+def against(page, truth):
+    """Return what a page states against its decision or the truth."""
+    named = " ".join([*page.sentences[1:], *(row.component for row in page.rows)])
+    normal = " ".join(page.normal)
+    wrong = [ring for state, ring in RINGS.items() if state != truth and ring in named]
+    if page.decision != truth:
+        wrong.append(f"decided {page.decision}")
+    if truth in RINGS:
+        wrong += [f"{RINGS[truth]} is normal"] * (RINGS[truth] in normal)
+        wrong += [f"{RINGS[truth]} is not named"] * (RINGS[truth] not in named)
+    return wrong
+
+
+@pytest.fixture(scope="module")
+def pages():
+    """Return 40 pages with their truths; the model is of other pumps."""
+    states = ["healthy", "outer", "inner"] * 8
+    bayes = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto")
+    model = bearing_recipe(PARTS, classifier=bayes).fit(
+        [pump(s, k) for k, s in enumerate(states)], states
+    )
+    settings = read_settings(model, parts=PARTS)
+    truths = ["healthy"] * 16 + ["outer", "inner"] * 12
+    new = [(truth, pump(truth, 100 + k)) for k, truth in enumerate(truths)]
+    return [(truth, page_of(settings, lambda run=run: run, "run")) for truth, run in new]
+
+
+@pytest.mark.slow
+def test_no_page_of_a_fleet_states_anything_against_its_decision_or_the_truth(pages):
+    assert len(pages) == 40
+    assert [(truth, against(page, truth)) for truth, page in pages if against(page, truth)] == []
+
+
+@pytest.mark.slow
+def test_a_page_of_another_truth_is_noticed(pages):
+    others = {"healthy": "outer", "outer": "inner", "inner": "healthy"}
+    assert all(against(page, others[truth]) for truth, page in pages)
