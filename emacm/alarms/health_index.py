@@ -295,7 +295,10 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         if kind == _UNIT:
             name = f"groups of units with {self.min_baseline} further recordings"
         groups, rate = pd.factorize(left["group"])[0], self.false_alarm
-        with located(f"limit for false_alarm={rate:g} (1 - coverage; None: index without limit)"):
+        n_groups = len(set(groups))
+        least = np.ceil(1000 / (n_groups + 1)) / 1000  # rounded up: the stated rate is accepted
+        possible = f"possible from {least:g} on" if n_groups else "no rate is possible"
+        with located(f"limit for a false alarm rate of {rate:g} (1 - coverage; {possible})"):
             values = left["index"].to_numpy()
             return grouped_quantile(values, groups, 1 - rate, name=name, beyond=1)
 

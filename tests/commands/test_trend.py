@@ -73,7 +73,7 @@ def test_a_picture_is_drawn(here):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--false-alarm", "0.01"], "takes at least 99"),
+        (["--false-alarm", "0.01"], "possible from 0.048 on"),
         (["--groups", "run"], "has no meta key 'run'"),
         (["--groups", "unit"], "groups of units with 5 further recordings"),
         (["--time", "hour"], "its meta has no 'hour'"),
