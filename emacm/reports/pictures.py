@@ -93,7 +93,8 @@ def _draw_spectrum(page: Page, channel: str, ax: Any) -> None:
     kind = page.envelopes.get(plain)
     measured = plain if kind is None else plain.removesuffix("_envelope")
     quantity, unit = as_envelope("PSD", page.units.get(measured, "unit"), kind)
-    ax.set_ylabel(f"{quantity}\nof {name}\n[dB re 1 {_drawing.squared(unit)}/order]")
+    level = f"dB re 1 {_drawing.squared(unit)}/order" if measured in page.units else "dB"
+    ax.set_ylabel(f"{quantity}\nof {name}\n[{level}]")
     ax.set_xlabel(_drawing.ORDER_LABEL)
     _drawing.legend_above(ax, gap=gap)
 

@@ -259,7 +259,7 @@ def _other_rows(
         orders = label.partition(":")[2] or label
         if np.isfinite(low) and re.fullmatch(r"[0-9.e+-]+", label):
             orders = f"{low:g} to {high:g}" if high > low else f"{low:g}"
-        component = "no predicted order" if with_parts and np.isfinite(low) else "–"
+        component = "no known part" if with_parts and np.isfinite(low) else "–"
         size = decibels(peak["deviation"], peak["unit"])
         row = Row(component, channel_name(peak["channel"]) or "–", orders, size)
         rows.append((abs(peak["sigmas"]), row))

@@ -107,8 +107,8 @@ def verdict_on(
         )
     elif not np.isnan(typicality):
         normal.append(
-            f"as typical as the training recordings ({percent(typicality)} of them are at least as "
-            f"far from their state)"
+            f"as typical as the training recordings ({percent(typicality)} of them differ from "
+            f"their state by as much or more)"
         )
     known = [names[k] for k in others if names[k] not in (decision, unknown)]
     return Verdict(decision, kind, sentences, normal, known[0] if known else None)

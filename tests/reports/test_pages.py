@@ -139,7 +139,7 @@ def test_an_unknown_state_states_what_deviates_and_that_it_is_not_known():
     assert (found.decision, found.kind) == ("unknown", "unknown")
     assert "unlike all states that the model knows (healthy, inner race and" in found.sentences[0]
     assert any("order 4 to 4.5 of 'vib'" in text for text in found.statements)
-    assert {row.component for row in found.rows} == {"no predicted order"}
+    assert {row.component for row in found.rows} == {"no known part"}
     assert "4 to 4.5" in {row.orders for row in found.rows}
 
 
