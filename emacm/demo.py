@@ -25,7 +25,9 @@ from emacm.decisions.families import family_costs
 from emacm.decisions.metrics import expected_cost, neg_expected_cost
 from emacm.displays import DecisionRegionsDisplay, OrderSpectrumDisplay
 from emacm.displays._drawing import offscreen_panels
+from emacm.evaluation.scoring import scoring_rule
 from emacm.machine.fault_orders import fault_orders
+from emacm.models.model_files import load_model, save_model
 from emacm.models.scoring import outside_training
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
@@ -36,7 +38,7 @@ from emacm.simulation import FAULT_ORDERS, simulate_fleet
 HEALTHY, INSPECT, UNKNOWN = "healthy", "inspect", "unknown"
 P_HEALTHY = 0.9  # prior probability: nine of ten units that are measured are healthy
 INSPECTION = 0.5  # cost relative to a false alarm
-MISSED = (10.0, 1000.0)  # costs of a missed detection that are compared, relative to a false alarm
+MISSED = (10.0, 100.0)  # costs of a missed detection that are compared, relative to a false alarm
 _SEVERITY = (0.1, 0.5)  # range of the simulated faults; 1 is a fully developed fault
 _CHANNELS = {"current_a": "A", "accelerometer": "g"}
 
@@ -85,7 +87,7 @@ def simulated_demo(out: Path, *, n_jobs: int | None = None) -> None:
         print_decisions(truths, models[missed].predict(others), cost)
     print("\nThe higher the cost of a missed detection, the more units are inspected.")
     _print_unlike(models[MISSED[0]], others[0])
-    _save_and_diagnose(models[MISSED[0]], out / "simulated.joblib", others[::6], truths[::6])
+    _save_and_diagnose(models[MISSED[0]], out / "simulated.emacm", others[::6], truths[::6])
     _draw(models, recordings, states, out / "simulated.png")
 
 
@@ -136,15 +138,26 @@ def print_decisions(truths: Labels, decisions: Labels, cost: pd.DataFrame) -> No
         kind = "faulty" if true is faults else HEALTHY
         print(f"{name} rate: {100 * count / total:.0f} % ({count} of {total} {kind} recordings)")
         rates.append(count / total)
-    print(f"mean cost per recording: {expected_cost(truths, decisions, cost=cost):.3f}")
     print(
         f"in service, of 1000 recordings, {1000 * P_HEALTHY:.0f} of them {HEALTHY}: "
         f"{1000 * P_HEALTHY * rates[0]:.0f} false alarms, "
         f"{1000 * P_HEALTHY * rates[1]:.0f} needless inspections, "
         f"{1000 * (1 - P_HEALTHY) * rates[2]:.0f} missed detections"
     )
-    if rates[1] > 0.5:
-        print(f"This model sends most {HEALTHY} units to inspection.")
+    shares = priors(faults.union([HEALTHY]).drop(UNKNOWN, errors="ignore"))
+    paid = sum(
+        share * expected_cost(truths[truths == state], decisions[truths == state], cost=cost)
+        for state, share in shares.items()
+    )
+    rule = scoring_rule(np.unique(truths), healthy=HEALTHY, cost=cost, priors=shares)
+    constant = rule.constant_costs(truths.tolist())["realised_cost"]
+    texts = [f"{name} {value:.3f}" for name, value in constant.items()]
+    print(f"cost of a recording in service: {paid:.3f}; {', '.join(texts)}")
+    if paid >= constant.iloc[0]:
+        print(
+            f"This model is worse than {constant.index[0]}: small faults look healthy to it. At "
+            "this cost, inspect every unit, or record a signal that shows them."
+        )
 
 
 def _print_unlike(model: Pipeline, recording: Recording) -> None:
@@ -206,8 +219,8 @@ def _save_and_diagnose(
     model: Pipeline, file: Path, unseen: list[Recording], truths: Labels
 ) -> None:
     """Save and load a model, and print its decisions with probabilities and expected costs."""
-    joblib.dump(model, file)
-    loaded = joblib.load(file)
+    save_model(model, file, note="demonstration on simulated actuators", healthy=HEALTHY)
+    loaded = load_model(file)
     print(f"\nModel saved as {file}, loaded again, and applied to recordings of the test set:")
     features, classifier = loaded[:-1].transform(unseen), loaded[-1]
     probabilities, risks = classifier.predict_proba(features), classifier.risk(features)

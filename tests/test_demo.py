@@ -4,13 +4,12 @@ import contextlib
 import io
 import re
 
-import joblib
 import numpy as np
 import pytest
 from matplotlib.image import imread
 from sklearn.metrics import confusion_matrix
 
-from emacm import demo
+from emacm import demo, load_model
 from emacm.__main__ import main
 from emacm.simulation import simulate_fleet
 
@@ -31,7 +30,7 @@ def parsed_decisions(text):
                         r"^([a-z ]+) rate: .*\((\d+) of (\d+) \w+ recordings\)$", block, re.M
                     )
                 },
-                "cost": float(re.search(r"mean cost per recording: ([\d.]+)", block).group(1)),
+                "cost": float(re.search(r"in service: ([\d.]+);", block).group(1)),
                 "missed": float(re.search(r"missed detection ([\d.]+)", block).group(1)),
             }
         )
@@ -56,7 +55,9 @@ def assert_printed(printed, truths, decisions, missed):
     prices[h, others] = missed
     prices[-2] = 0.5
     assert printed["missed"] == missed
-    assert printed["cost"] == pytest.approx((expected * prices).sum() / expected.sum(), abs=5e-4)
+    paid = (expected * prices).sum(axis=0) / expected.sum(axis=0)
+    shares = [0.9 if name == "healthy" else 0.1 / len(others) for name in names]
+    assert printed["cost"] == pytest.approx(paid @ shares, abs=5e-4)
 
 
 def test_printed_figures_are_those_of_the_decisions(capsys):
@@ -85,7 +86,8 @@ def test_figures_in_service_are_weighted_to_realistic_priors(capsys):
     assert (
         "in service, of 1000 recordings, 900 of them healthy: 90 false alarms, "
         "630 needless inspections, 20 missed detections\n"
-        "This model sends most healthy units to inspection.\n"
+        "cost of a recording in service: 0.675; always 'inspect' 0.500, always 'healthy' 0.900, "
+        "always 'unknown' 1.000\nThis model is worse than always 'inspect'"
     ) in printed
 
 
@@ -143,13 +145,13 @@ def run(tmp_path_factory):
 
 @pytest.mark.slow
 def test_the_demo_prints_the_decisions_of_its_models_under_both_cost_matrices(run):
-    model = joblib.load(run["folder"] / "simulated.joblib")
+    model = load_model(run["folder"] / "simulated.emacm")
     features, classes = model[:-1].transform(run["unseen"]), model.classes_.tolist()
     posterior = model[-1].predict_proba(features)
     printed = parsed_decisions(run["text"])
     assert len(printed) == len(run["decided"]) == 2
     for (truths, decisions, cost), figures, missed in zip(
-        run["decided"], printed, (10.0, 1000.0), strict=True
+        run["decided"], printed, (10.0, 100.0), strict=True
     ):
         assert truths.tolist() == run["truths"].tolist()
         unknown = model[-1].unknown_proba(features)[:, np.newaxis]
@@ -162,7 +164,7 @@ def test_the_demo_prints_the_decisions_of_its_models_under_both_cost_matrices(ru
 
 @pytest.mark.slow
 def test_the_saved_model_has_the_first_costs_and_realistic_priors(run):
-    model = joblib.load(run["folder"] / "simulated.joblib")
+    model = load_model(run["folder"] / "simulated.emacm")
     assert model[-1].cost.loc["healthy"].to_dict() == {
         "healthy": 0, "inner ring": 10, "screw": 10
     }  # fmt: skip
@@ -185,7 +187,7 @@ def test_the_search_is_stated_and_uses_as_many_threads_as_wanted(run):
 def test_probabilities_and_expected_costs_are_printed_beside_each_other(run):
     rows = run["text"].split("expected cost of deciding")[1].splitlines()[2:]
     rows = [line.replace("inner ring", "inner_ring").split() for line in rows if line.strip()]
-    model = joblib.load(run["folder"] / "simulated.joblib")
+    model = load_model(run["folder"] / "simulated.emacm")
     chosen, truths = run["unseen"][::6], run["truths"][::6]
     for row, truth, recording in zip(rows, truths, chosen, strict=False):
         features = model[:-1].transform([recording])
