@@ -228,6 +228,10 @@ def set_costs(
     opening[p] / left[p], whatever the other parts are: the conditional risk of Eq. (2.43) of the
     thesis [1]_, part by part. More than ten parts can be decided so, one at a time.
 
+    A classifier with ``unknown="unknown"`` takes 1 for the costs of that decision and state which
+    are not given, far too little beside costs of money. Give both: ``other_decisions={"unknown":
+    1000}``, and ``cost["unknown"] = [...]`` with 0 for the decision "unknown".
+
     References
     ----------
     .. [1] Chirico, A Data Driven Frequency Based Method for Electrical-Mechanical Actuator
