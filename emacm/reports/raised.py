@@ -111,7 +111,10 @@ def find_raised(
     known = list(filter(None, [_component(*place, table, spectra or {}) for place in places]))
     hit = [component for component in known if component.is_raised]
     hit.sort(key=lambda component: -component.lines["deviation"].mean())
-    rows = [*common, *(component.row for component in hit), *_other_rows(table, hit, bool(series))]
+    few = [c for c in known if hit and not c.is_raised and c.lines["low"].isna().all()]
+    single = [c for c in few if c.lines["raised"].any()]  # beside a part that is raised
+    rest = table.drop(index=[column for c in few for column in c.lines.index])
+    rows = [*common, *(component.row for component in hit), *_other_rows(rest, hit, bool(series))]
     names = list(dict.fromkeys(component.fault.name for component in hit))
     covered = {component.fault.name for component in known}
     missing = [_label(fault) for fault in series if fault.name not in covered]
@@ -127,6 +130,10 @@ def find_raised(
             (
                 gained,
                 f"Other deviations in {listed(gained)} are relative to that of all its orders.",
+            ),
+            (
+                single,
+                f"Of {listed(_labels(single))}, single lines are raised: too few for a fault.",
             ),
             (missing, f"The model has no order bands at the orders of {listed(missing)}."),
             (len(rows) > most, f"{len(rows) - most} more deviations are not listed."),
@@ -174,6 +181,10 @@ def _without_gain(
 def _label(fault: FaultSeries) -> str:
     """Return a fault in words: the component and the name of its order."""
     return fault.name if fault.kind in ("", "given") else f"{fault.kind} ({fault.name})"
+
+
+def _labels(components: Sequence[_Component]) -> list[str]:
+    return list(dict.fromkeys(_label(component.fault) for component in components))
 
 
 def _component(

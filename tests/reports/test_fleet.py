@@ -31,14 +31,12 @@ def pump(state, seed, fs=10_000, n=40_000):
 
 
 def against(page, truth):
-    """Return wrong decisions, wrong rings that are named, and the own ring if called normal.
-
-    Rows with the lines of another ring but without its name ("–", BPFO) are not counted: harmonics
-    of both rings are close to each other.
-    """
-    named = " ".join([*page.sentences[1:], *(row.component for row in page.rows)])
+    """Return wrong decisions, wrong rings that are named, and the own ring if called normal."""
+    rows = [text for row in page.rows for text in (row.component, row.orders)]
+    named = " ".join([*page.sentences[1:], *rows])
     normal = " ".join(page.normal)
-    wrong = [ring for state, ring in RINGS.items() if state != truth and ring in named]
+    names = {"outer": ("outer ring", "BPFO"), "inner": ("inner ring", "BPFI")}
+    wrong = [n for state, both in names.items() if state != truth for n in both if n in named]
     if page.decision != truth:
         wrong.append(f"decided {page.decision}")
     if truth in RINGS:
