@@ -68,7 +68,8 @@ def cost_table(
     ------
     ValueError
         If the shape is wrong, a class is unknown, missing or named twice, a cost is not
-        finite, or a decision that is not a class lacks the cost of a class.
+        finite, a decision that is not a class lacks the cost of a class, or costs of the unknown
+        state are not stated although all others are above 1.
     TypeError
         If a cost is text, complex or a bool, or a key of a mapping is not a pair.
 
@@ -101,6 +102,13 @@ def cost_table(
     if unknown is not None:
         others = [row for row, decision in enumerate(rows) if decision not in truths]
         of_classes = matrix[np.array(rows, object) != unknown, :-1]
+        least = of_classes[of_classes > 0].min(initial=np.inf)
+        if 1 < least < np.inf and not any(unknown in pair for pair in stated):
+            raise ValueError(
+                f"cost must state the costs of the unknown state {unknown!r}, a row and a column: "
+                f"their default 1 is below all others (the smallest is {least:g}), so that it "
+                f"would nearly always be decided."
+            )
         for row in others:
             if (rows[row], unknown) not in stated:
                 cheapest = (matrix[row, :-1] == of_classes.min(axis=0)).any()

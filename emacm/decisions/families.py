@@ -228,9 +228,9 @@ def set_costs(
     opening[p] / left[p], whatever the other parts are: the conditional risk of Eq. (2.43) of the
     thesis [1]_, part by part. More than ten parts can be decided so, one at a time.
 
-    A classifier with ``unknown="unknown"`` takes 1 for the costs of that decision and state which
-    are not given, far too little beside costs of money. Give both: ``other_decisions={"unknown":
-    1000}``, and ``cost["unknown"] = [...]`` with 0 for the decision "unknown".
+    A classifier with ``unknown="unknown"`` needs the costs of that decision and of that state too:
+    ``other_decisions={"unknown": 1000}``, and ``cost["unknown"] = [...]`` with 0 for the decision
+    "unknown".
 
     References
     ----------
@@ -255,7 +255,10 @@ def set_costs(
             f"opening has {len(parts)} parts, and their sets are 2**{len(parts)} decisions: decide "
             f"each part alone, by P(faulty) > opening / left."
         )
-    found = {state: set(state.split(" + ")) - {healthy} for state in dict.fromkeys(states)}
+    found = {
+        state: set() if state == healthy else set(state.split(" + "))
+        for state in dict.fromkeys(states)
+    }
     for state, faulty in found.items():
         if not faulty <= set(parts):
             raise ValueError(f"opening must have the parts of the state {state!r}; got {parts}.")
