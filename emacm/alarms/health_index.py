@@ -14,7 +14,7 @@ from sklearn.covariance import LedoitWolf
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_count, check_number, check_table, located
+from emacm._checks import check_choice, check_count, check_number, check_table, located
 from emacm._saved import SavedEstimator
 from emacm.alarms.stationarity import instability
 from emacm.calibration.left_out import grouped_quantile, left_out
@@ -106,6 +106,9 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         Probability that a healthy recording exceeds the limit. None: there is no limit.
     min_baseline : int, default=5
         Number of healthy recordings from which a unit has a baseline of its own.
+    few_groups : {"refuse", "largest"}
+        With n groups, fewer than `false_alarm` needs: the limit is refused; or it is the largest
+        index of recordings left out, and its false alarm rate is 1 / (n + 1), which is stated.
 
     Attributes
     ----------
@@ -125,7 +128,7 @@ class HealthIndex(TransformerMixin, SavedEstimator):
     Limits are quantiles of `left_out_` in which each group counts the same and one more group is
     taken to be beyond all: ``sum over groups of fraction <= limit`` is at least (1 - false_alarm)
     (n_groups + 1), as in [1]_. They need no normal distribution, and at least 1 / false_alarm - 1
-    groups: 19 for 5 %, 99 for 1 %. With fewer, the limit is refused. The rate holds on average over
+    groups: 19 for 5 %, 99 for 1 %; for fewer, see `few_groups`. The rate holds on average over
     sets of training groups that are exchangeable with the new ones. For units with a baseline, a
     group of recordings of the unit is left out; for others, a whole unit.
 
@@ -162,9 +165,16 @@ class HealthIndex(TransformerMixin, SavedEstimator):
     1.49
     """
 
-    def __init__(self, false_alarm: float | None = 0.05, *, min_baseline: int = 5) -> None:
+    def __init__(
+        self,
+        false_alarm: float | None = 0.05,
+        *,
+        min_baseline: int = 5,
+        few_groups: str = "refuse",
+    ) -> None:
         self.false_alarm = false_alarm
         self.min_baseline = min_baseline
+        self.few_groups = few_groups
 
     def fit(
         self, X: Any, y: Any = None, groups: ArrayLike | None = None, units: ArrayLike | None = None
@@ -201,6 +211,7 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         if self.false_alarm is not None:
             check_number(self.false_alarm, "false_alarm", above=0, below=1)
         check_count(self.min_baseline, "min_baseline", at_least=2)
+        check_choice(self.few_groups, "few_groups", ("refuse", "largest"))
         check_table(X)
         X = validate_data(self, X, dtype=np.float64, ensure_min_samples=2)
         if groups is None:
@@ -284,11 +295,16 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         Raises
         ------
         ValueError
-            If there are too few groups for `false_alarm`.
+            If there are too few groups for `false_alarm` (see `few_groups`), or no group can be
+            left out.
         """
+        return self._limit_and_rate(unit)[0]
+
+    def _limit_and_rate(self, unit: Any) -> tuple[float, float]:
+        """Return the limit of a unit, and the false alarm rate that holds for it."""
         check_is_fitted(self)
         if self.false_alarm is None:
-            return float("nan")
+            return float("nan"), float("nan")
         kind = _UNIT if unit is not None and unit in self.units_ else _POPULATION
         left = self.left_out_[self.left_out_["baseline"] == kind]
         name = "units or groups"
@@ -296,11 +312,19 @@ class HealthIndex(TransformerMixin, SavedEstimator):
             name = f"groups of units with {self.min_baseline} further recordings"
         groups, rate = pd.factorize(left["group"])[0], self.false_alarm
         n_groups = len(set(groups))
+        if not n_groups:
+            raise ValueError(
+                f"there is no limit, as no healthy group can be left out: there are no {name}. "
+                f"Take groups that are smaller, such as runs, or more healthy recordings."
+            )
+        if self.few_groups == "largest":
+            rate = max(rate, 1 / (n_groups + 1))
         least = np.ceil(1000 / (n_groups + 1)) / 1000  # rounded up: the stated rate is accepted
-        possible = f"possible from {least:g} on" if n_groups else "no rate is possible"
-        with located(f"limit for a false alarm rate of {rate:g} (1 - coverage; {possible})"):
+        with located(
+            f"limit for a false alarm rate of {rate:g} (1 - coverage; possible from {least:g} on)"
+        ):
             values = left["index"].to_numpy()
-            return grouped_quantile(values, groups, 1 - rate, name=name, beyond=1)
+            return grouped_quantile(values, groups, 1 - rate, name=name, beyond=1), rate
 
     def trend(self, X: Any, times: ArrayLike, units: ArrayLike | None = None) -> pd.DataFrame:
         """Return the index of each unit over time or cycles, with its limit.
@@ -318,7 +342,8 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         -------
         DataFrame
             Sorted by unit and time: "unit", "time", "index", "limit", "alarm" (whether it exceeds
-            the limit) and "baseline" ("unit" or "population"). In `attrs`: "false_alarm".
+            the limit), "false_alarm" (the rate that holds for the limit) and "baseline" ("unit" or
+            "population").
 
         Raises
         ------
@@ -336,15 +361,15 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         """Return the trend with further columns; an index that is not known is NaN."""
         read_grouping(times, labels, "times", "time")  # refuses times without an order
         known = {unit for unit, value in zip(labels, index, strict=True) if np.isfinite(value)}
-        limits = {unit: self.limit(unit) for unit in known}
+        limits = {unit: self._limit_and_rate(unit) for unit in known}
         table = pd.DataFrame({"unit": labels, "time": times, "index": index})
-        table["limit"] = [limits.get(unit, np.nan) for unit in labels]
+        missing = (np.nan, np.nan)
+        table["limit"] = [limits.get(unit, missing)[0] for unit in labels]
         table["alarm"] = table["index"] > table["limit"]
+        table["false_alarm"] = [limits.get(unit, missing)[1] for unit in labels]
         table["baseline"] = [_UNIT if unit in self.units_ else _POPULATION for unit in labels]
         table = table.assign(**columns)
-        table = table.sort_values(["unit", "time"], kind="stable", ignore_index=True)
-        table.attrs = {"false_alarm": self.false_alarm}
-        return table
+        return table.sort_values(["unit", "time"], kind="stable", ignore_index=True)
 
     def _warn_of_drift(self, X: Array, own: pd.Series | None, blocks: pd.Series) -> None:
         """Warn if the groups, in their order, are not exchangeable, as the limits assume."""

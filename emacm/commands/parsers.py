@@ -215,7 +215,7 @@ def _trend(command: Add) -> None:
         "trend",
         "distance of the files of each unit from healthy ones over time, with a limit",
         "0; 1 if --fail-on-alarm is given and the latest recording of a unit exceeds its limit; 2 "
-        "for invalid arguments or too few healthy groups; 3 if files failed.",
+        "for invalid arguments or a single healthy group; 3 if files failed.",
     )
     add("healthy", metavar="HEALTHY", type=_existing, nargs="?", help="folder of healthy files")
     _add_files(add, "*")
@@ -230,7 +230,10 @@ def _trend(command: Add) -> None:
     add("--unit", metavar="KEY", help="key of meta with the unit")
     _add_parts(add)
     _add_time(add)
-    rate = "probability that a healthy recording exceeds the limit (default: 0.05)"
+    rate = (
+        "probability that a healthy recording exceeds the limit (default: 0.05); if n healthy "
+        "groups are too few for it, 1 / (n + 1)"
+    )
     add("--false-alarm", type=_probability, default=0.05, metavar="P", help=rate)
     add("--out", type=_writable, metavar="CSV", help="table (default: standard output)")
     add("--plot", type=_writable, metavar="PNG", help="draw the trend of each unit")

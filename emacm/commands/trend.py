@@ -14,6 +14,7 @@ from sklearn.pipeline import make_pipeline
 from emacm._checks import check_number, located
 from emacm._saved import written_whole
 from emacm.alarms.health_index import HealthIndex, health_trend
+from emacm.calibration.left_out import groups_needed
 from emacm.commands.find import parts_of_options
 from emacm.commands.paths import expanded
 from emacm.commands.train import extent, order_levels
@@ -49,6 +50,8 @@ def run(options: argparse.Namespace) -> int:
         with written_whole(options.plot) as unfinished:
             display.figure_.savefig(unfinished, dpi=150, format=options.plot.suffix[1:] or "png")
     latest = table[table["error"] == ""].groupby("unit", sort=True).tail(1)
+    meanings = _meanings(latest, options)
+    print(*meanings, sep="\n", file=sys.stderr if options.out is None else sys.stdout)
     if options.out is not None:
         for row in latest.rename(columns={"index": "value"}).itertuples():
             state = "ALARM" if row.alarm else "within the limit"
@@ -57,6 +60,22 @@ def run(options: argparse.Namespace) -> int:
     if options.fail_on_alarm and latest["alarm"].any():
         return ALARM
     return FAILED if (table["error"] != "").any() else 0
+
+
+def _meanings(latest: pd.DataFrame, options: argparse.Namespace) -> list[str]:
+    """Say what the limits mean: of each baseline, how often a healthy recording exceeds them."""
+    found = []
+    for (baseline, limit, rate), _ in latest.groupby(["baseline", "limit", "false_alarm"]):
+        text = f"Limit {limit:.2f} ({baseline}): {rate:.1%} of healthy recordings exceed it"
+        if rate > options.false_alarm:
+            count, needed = round(1 / rate) - 1, groups_needed(1 - options.false_alarm)
+            text += (
+                f" on average, 1 / (n + 1); it is the largest reading of n = {count} healthy "
+                f"groups, each left out in turn. {options.false_alarm:.1%} (--false-alarm) need "
+                f"{needed} groups"
+            )
+        found.append(f"{text}.")
+    return found
 
 
 def _from_files(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
@@ -77,7 +96,8 @@ def _from_files(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
         features: Any = bearing_recipe(parts, revolutions=revolutions, min_speed=speed)
     else:
         features = make_pipeline(*order_levels(max_order, revolutions, options.min_speed))
-    model = make_pipeline(*(step for _, step in features.steps), HealthIndex(options.false_alarm))
+    index = HealthIndex(options.false_alarm, few_groups="largest")
+    model = make_pipeline(*(step for _, step in features.steps), index)
     model.fit(healthy, healthindex__groups=groups, healthindex__units=units)
     recordings = [open_recording(path, layout) for path in paths]
     return health_trend(model, recordings, unit=new_units, time=times)
@@ -103,6 +123,7 @@ def _from_results(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
             "index": -np.log10(least),
             "limit": -np.log10(false_alarm),
             "alarm": least < false_alarm,
+            "false_alarm": false_alarm,
             "baseline": "population",
             "recording": found["recording"],
             "error": error,

@@ -153,6 +153,18 @@ def label_x(axes: NDArray[np.object_], label: str) -> None:
             ax.set_xlabel(label)
 
 
+def date_axis(ax: Any) -> None:
+    """Mark dates on the x axis as shortly as is unambiguous; at least a minute is shown."""
+    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+
+    low, high = ax.get_xlim()  # days
+    middle, half = (low + high) / 2, max(high - low, 1 / 1440) / 2
+    ax.set_xlim(middle - half, middle + half)
+    locator = AutoDateLocator(minticks=3, maxticks=8)
+    ax.xaxis.set_major_locator(locator)
+    ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+
+
 def label_y(ax: Any, quantity: str, unit: str) -> None:
     """Label the y axis with quantity and unit, in as many lines as its height requires."""
     room = int(1.2 * _extent(ax, "height") / (LETTER * 10 / SMALL))

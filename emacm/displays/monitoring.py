@@ -124,8 +124,9 @@ class TrendDisplay(Display):
     Parameters
     ----------
     table : DataFrame
-        As of `HealthIndex.trend`: columns "unit", "time", "index", "limit" (NaN if there is none)
-        and "alarm", of at most 8 units. Rows without an index are not drawn.
+        As of `HealthIndex.trend`: columns "unit", "time", "index", "limit" (NaN if there is none),
+        "alarm" and, optionally, "false_alarm", of at most 8 units. Rows without an index are not
+        drawn.
     time_label : str
         Label of the time axis, with its unit.
 
@@ -165,8 +166,9 @@ class TrendDisplay(Display):
     def _draw(self, ax: Any) -> Any:
         axes = _drawing.panel_axes(ax, len(self._units))
         table = self.frame()
-        rate = self.table.attrs.get("false_alarm")
-        stated = "" if rate is None else f" ({100 * rate:g} % false alarms)"
+        dates = pd.api.types.is_datetime64_any_dtype(table["time"])
+        rates = set(table.get("false_alarm", pd.Series(dtype=float)).dropna())
+        stated = f" ({100 * max(rates):.3g} % false alarms)" if len(rates) == 1 else ""
         for panel, unit in zip(axes, self._units, strict=True):
             own = table[table["unit"] == unit]
             panel.plot(own["time"], own["index"], color="0.6", linewidth=0.9, zorder=1)
@@ -187,8 +189,8 @@ class TrendDisplay(Display):
         if len(axes) > 1:
             axes[0].figure.supylabel("health index of unit", fontsize=10)
         _drawing.label_x(axes, self.time_label)
-        if isinstance(table["time"].iloc[0], pd.Timestamp):
-            axes[-1].tick_params("x", rotation=30)
+        if dates:
+            _drawing.date_axis(axes[-1])
         _drawing.legend_above(axes[0])
         return axes if len(axes) > 1 else axes[0]
 

@@ -125,6 +125,9 @@ def test_a_limit_that_the_groups_cannot_support_is_refused(n_groups, supported):
     with pytest.raises(ValueError, match=r"possible from 0\.053 on"):
         index.trend(X[:2], [1, 2])
     assert index.set_params(false_alarm=0.053).limit() > 0
+    few = index.set_params(false_alarm=0.01, few_groups="largest")
+    assert few.limit() == few.left_out_["index"].max()
+    assert set(few.trend(X[:2] + 1, [1, 2])["false_alarm"]) == {1 / 19}
     assert np.isnan(index.set_params(false_alarm=None).limit())
 
 
@@ -201,7 +204,7 @@ def test_a_trend_is_sorted_by_unit_and_time_and_states_alarms():
     assert table["time"].tolist() == ["2024-05-01", "2024-05-03", "2024-05-07", "2024-05-09"]
     assert table["alarm"].tolist() == [False, False, True, True]
     assert table["index"].is_monotonic_increasing or table["index"].iloc[-1] > 3
-    assert table.attrs["false_alarm"] == 0.1
+    assert set(table["false_alarm"]) == {0.1}
     assert set(table["baseline"]) == {"unit"}
 
 
@@ -259,7 +262,11 @@ def test_names_containers_clones_and_pickles():
     index = HealthIndex(0.2).set_output(transform="pandas").fit(frame, groups=np.arange(24) // 2)
     assert index.transform(frame + 1).columns.tolist() == ["health_index"]
     assert pickle.loads(pickle.dumps(index)).limit() == index.limit()
-    assert clone(index).get_params() == {"false_alarm": 0.2, "min_baseline": 5}
+    assert clone(index).get_params() == {
+        "false_alarm": 0.2,
+        "few_groups": "refuse",
+        "min_baseline": 5,
+    }
 
 
 # From recordings
@@ -335,6 +342,8 @@ def test_the_picture_has_a_panel_for_each_unit_and_states_the_false_alarm_rate()
     times = pd.date_range("2024-05-01", periods=24)
     display = TrendDisplay(index.trend(X, times, units)).plot()
     assert [ax.get_ylabel() for ax in display.ax_] == ["axis", "press"]
+    display.figure_.canvas.draw()
+    assert display.ax_[-1].xaxis.get_offset_text().get_text() == "2024-May"
     labels = [text.get_text() for text in display.ax_[0].get_legend().get_texts()]
     assert "limit (10 % false alarms)" in labels
     limits = [line for line in display.ax_[1].lines if line.get_linestyle() == "--"]
@@ -348,5 +357,5 @@ def test_the_picture_has_a_panel_for_each_unit_and_states_the_false_alarm_rate()
 def test_a_limit_needs_more_than_one_group():
     X = np.random.default_rng(0).normal(size=(30, 3))
     index = HealthIndex().fit(X, groups=["run 1"] * 30)
-    with pytest.raises(ValueError, match="0 units or groups cannot"):
+    with pytest.raises(ValueError, match="no healthy group can be left out"):
         index.limit()

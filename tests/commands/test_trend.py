@@ -64,6 +64,15 @@ def test_alarms_and_failed_files_have_their_exit_status(here, capsys):
     assert "no stroke holds" in table["error"].iloc[-1]
 
 
+def test_few_runs_have_a_limit_whose_rate_is_stated(here, capsys):
+    assert run("--false-alarm", "0.01", "--out", "trend.csv") == 0
+    printed = capsys.readouterr().out
+    assert "4.8% of healthy recordings exceed it" in printed
+    assert "largest reading of n = 20 healthy groups" in printed
+    assert "1.0% (--false-alarm) need 99 groups" in printed
+    np.testing.assert_allclose(pd.read_csv("trend.csv")["false_alarm"], 1 / 21)
+
+
 def test_a_picture_is_drawn(here):
     pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
     assert run("--out", "trend.csv", "--plot", "trend.png") == 0
@@ -73,9 +82,8 @@ def test_a_picture_is_drawn(here):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--false-alarm", "0.01"], "possible from 0.048 on"),
         (["--groups", "run"], "has no meta key 'run'"),
-        (["--groups", "unit"], "groups of units with 5 further recordings"),
+        (["--groups", "unit"], "Take groups that are smaller, such as runs"),
         (["--time", "hour"], "its meta has no 'hour'"),
     ],
 )
