@@ -7,7 +7,8 @@
 - `HealthIndex`, `health_trend`: distance from healthy recordings, its limits, and its trend for
   each unit.
 - `severity_zones`, `severity_zone`, `vibration_velocity`, `vibration_severity`: vibration severity
-  zones of ISO 20816-3, and velocity from acceleration.
+  zones of ISO 20816-3, and velocity from acceleration; `vibration_indicators`: with RMS, crest
+  factor and kurtosis.
 - `RemainingLife`: remaining life with intervals that are valid by unit; `MaintenanceCosts`:
   decisions from it; `phm2012_score`, `phm2012_lives`, `coverage_by_unit`: metrics.
 """
@@ -19,6 +20,7 @@ from emacm.alarms.run_lengths import RunLength
 from emacm.alarms.severity_zones import (
     severity_zone,
     severity_zones,
+    vibration_indicators,
     vibration_severity,
     vibration_velocity,
 )
@@ -49,6 +51,7 @@ __all__ = [
     "phm2012_score",
     "severity_zone",
     "severity_zones",
+    "vibration_indicators",
     "vibration_severity",
     "vibration_velocity",
 ]

@@ -15,6 +15,7 @@ References
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from scipy.signal import welch
 
 from emacm._checks import check_choice, check_number, check_real_array, check_signal, located
 from emacm.recordings.recording import Recording
+from emacm.stroke_features.statistics import RecordingStatistics
 
 GRAVITY = 9.80665  # m/s2, standard acceleration of gravity
 _TO_MM_PER_S2 = {"m/s2": 1e3, "m/s²": 1e3, "m/s^2": 1e3, "mm/s2": 1.0, "g": 1e3 * GRAVITY}
@@ -213,3 +215,62 @@ def vibration_severity(recording: Recording, machine_class: str) -> pd.DataFrame
     table["meaning"] = table["zone"].map(ZONES)
     table["source"] = _CLASSES[machine_class][3]
     return table
+
+
+def vibration_indicators(
+    recording: Recording, machine_class: str | None = None, *, min_speed: float = 0.0
+) -> dict[str, Any]:
+    """Return RMS, crest factor and kurtosis of each channel, and velocities of accelerations.
+
+    Parameters
+    ----------
+    recording : Recording
+        If `units` states an acceleration ("g", "m/s2", "mm/s2"), the channel also has a velocity,
+        10 to 1000 Hz, of the whole recording; the others are of the samples in strokes.
+    machine_class : str, optional
+        Row of `severity_zones`. None: no zone is stated.
+    min_speed : float
+        Speed up to which the shaft counts as standing still [rad/s].
+
+    Returns
+    -------
+    dict
+        "channel:rms", "channel:crest_factor" and "channel:kurtosis"; "channel:velocity [mm/s]" and
+        "channel:zone". What is undefined for a channel is left out: the kurtosis of a constant, the
+        velocity of a recording that is shorter than 1 s or sampled below 2000 Hz.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the class is unknown.
+
+    Examples
+    --------
+    A tone of 25 Hz and 3 m/s2 has a velocity of 3 / (2 pi 25) / sqrt(2) m/s:
+
+    >>> tone = 3 * np.sin(2 * np.pi * 25 * np.arange(8000) / 4000)
+    >>> recording = Recording({"b": tone}, 4000, velocity=157.0, units={"b": "m/s2"})
+    >>> found = vibration_indicators(recording, "class I")
+    >>> found.pop("b:zone"), list(found)
+    ('D', ['b:rms', 'b:crest_factor', 'b:kurtosis', 'b:velocity [mm/s]'])
+    >>> [round(value, 2) for value in found.values()]
+    [2.12, 1.41, 1.5, 13.51]
+    """
+    if machine_class is not None:
+        check_choice(machine_class, "machine_class", tuple(_CLASSES))
+    found: dict[str, Any] = {}
+    for channel in recording.channels:
+        for name in ("rms", "crest_factor", "kurtosis"):
+            options: Any = {"channels": [channel], "by_direction": False, "min_speed": min_speed}
+            with suppress(ValueError):
+                value = RecordingStatistics((name,), **options).fit_transform([recording])
+                found[f"{channel}:{name}"] = float(np.asarray(value)[0, 0])
+        unit = recording.units.get(channel)
+        if unit in _TO_MM_PER_S2:
+            with suppress(ValueError):
+                signal, fs = recording.signals[channel], recording.fs[channel]
+                velocity = vibration_velocity(signal, fs, unit=unit)
+                found[f"{channel}:velocity [mm/s]"] = velocity
+                if machine_class is not None:
+                    found[f"{channel}:zone"] = severity_zone(velocity, machine_class)
+    return found

@@ -237,6 +237,11 @@ def _trend(command: Add) -> None:
     add("--false-alarm", type=_probability, default=0.05, metavar="P", help=rate)
     add("--out", type=_writable, metavar="CSV", help="table (default: standard output)")
     add("--plot", type=_writable, metavar="PNG", help="draw the trend of each unit")
+    machine = (
+        "machine class for the zone of the RMS velocity of accelerations (units in the layout), "
+        "such as 'group 2 rigid' of ISO 20816-3 or 'class I' of ISO 10816-1"
+    )
+    add("--machine", metavar="CLASS", help=machine)
     alarm = "exit status 1 if a unit exceeds its limit"
     add("--fail-on-alarm", action="store_true", help=alarm)
     _add_extent(add)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from contextlib import nullcontext
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from sklearn.pipeline import make_pipeline
 from emacm._checks import check_number, located
 from emacm._saved import written_whole
 from emacm.alarms.health_index import HealthIndex, health_trend
+from emacm.alarms.severity_zones import severity_zone, vibration_indicators
 from emacm.calibration.left_out import groups_needed
 from emacm.commands.find import parts_of_options
 from emacm.commands.paths import expanded
@@ -85,28 +87,40 @@ def _from_files(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
             "trend needs a folder of HEALTHY files, PATHs of others and --groups; or --results, a "
             "table of emacm score."
         )
+    if options.machine is not None:
+        severity_zone(0.0, options.machine)  # an unknown class is refused before files are read
     paths = expanded(options.paths, layout, options.pattern)
     healthy = RecordingFolder(options.healthy, layout, options.pattern)
     groups = read_meta(healthy, options.groups, role="--groups")
     units = None if options.unit is None else read_meta(healthy, options.unit, role="--unit")
     new_units, times = units_and_times(paths, layout, options.unit, options.time)
     max_order, revolutions = extent(healthy, options)
+    speed = options.min_speed
     if options.bearing or options.parts:
-        parts, speed = parts_of_options(options), options.min_speed
-        features: Any = bearing_recipe(parts, revolutions=revolutions, min_speed=speed)
+        features: Any = bearing_recipe(
+            parts_of_options(options), revolutions=revolutions, min_speed=speed
+        )
     else:
-        features = make_pipeline(*order_levels(max_order, revolutions, options.min_speed))
+        features = make_pipeline(*order_levels(max_order, revolutions, speed))
     index = HealthIndex(options.false_alarm, few_groups="largest")
     model = make_pipeline(*(step for _, step in features.steps), index)
     model.fit(healthy, healthindex__groups=groups, healthindex__units=units)
     recordings = [open_recording(path, layout) for path in paths]
-    return health_trend(model, recordings, unit=new_units, time=times)
+    table = health_trend(model, recordings, unit=new_units, time=times)
+    of_class = partial(vibration_indicators, machine_class=options.machine)
+    rows = [
+        {} if row.error else of_class(open_recording(row.recording, layout), min_speed=speed)
+        for row in table.itertuples()
+    ]
+    return table.join(pd.DataFrame(rows, index=table.index))
 
 
 def _from_results(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
     """Return the trend of typicality and P(healthy) in a table of `score`; nothing is computed."""
-    if options.healthy is not None or options.groups is not None:
-        raise ValueError("with --results, trend reads that table: leave out HEALTHY and --groups.")
+    if any(x is not None for x in (options.healthy, options.groups, options.machine)):
+        raise ValueError(
+            "with --results, trend reads that table: leave out HEALTHY, --groups and --machine."
+        )
     false_alarm = check_number(options.false_alarm, "--false-alarm", above=0, below=1)
     found = with_units_and_times(read_results(options.results), layout, options.unit, options.time)
     with located(str(options.results)):

@@ -73,6 +73,25 @@ def test_few_runs_have_a_limit_whose_rate_is_stated(here, capsys):
     np.testing.assert_allclose(pd.read_csv("trend.csv")["false_alarm"], 1 / 21)
 
 
+def test_indicators_of_a_sine_stand_beside_the_index(here, capsys):
+    text = LAYOUT.replace("fs = 1000", "fs = 2000") + 'vib = "m/s2"\n'
+    Path("layout.toml").write_text(text)
+    sine = 3 * np.sin(2 * np.pi * 25 * np.arange(4000) / 2000)
+    np.savez("nights/new_1.npz", vib=sine, speed=np.full(4000, 90 * 30 / np.pi))
+    assert run("--machine", "class I") == 0
+    row = pd.read_csv(io.StringIO(capsys.readouterr().out)).query("unit == 'new'").iloc[0]
+    velocity = 3000 / (2 * np.pi * 25) / np.sqrt(2)
+    expected = {
+        "rms": 3 / 2**0.5,
+        "crest_factor": 2**0.5,
+        "kurtosis": 1.5,
+        "velocity [mm/s]": velocity,
+    }
+    for name, value in expected.items():
+        assert row[f"vib:{name}"] == pytest.approx(value, rel=0.005)
+    assert row["vib:zone"] == "D"
+
+
 def test_a_picture_is_drawn(here):
     pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
     assert run("--out", "trend.csv", "--plot", "trend.png") == 0
@@ -84,6 +103,7 @@ def test_a_picture_is_drawn(here):
     [
         (["--groups", "run"], "has no meta key 'run'"),
         (["--groups", "unit"], "Take groups that are smaller, such as runs"),
+        (["--machine", "big"], "machine_class must be one of"),
         (["--time", "hour"], "its meta has no 'hour'"),
     ],
 )
@@ -137,7 +157,7 @@ def test_results_give_the_trend_of_the_rarer_of_health_and_typicality(results, c
     [
         ([], "--state must name the healthy state"),
         (["--state", "old"], "got 'old'"),
-        (["--state", "ok", "--groups", "day"], "leave out HEALTHY and --groups"),
+        (["--state", "ok", "--groups", "day"], "leave out HEALTHY, --groups and --machine"),
         (
             ["--state", "ok", "--false-alarm", "2"],
             "--false-alarm: expected a number above 0 and below 1",
