@@ -103,6 +103,7 @@ def test_every_check_of_scikit_learn_passes(estimator, check):
 # The whole pipeline
 
 
+@pytest.mark.slow
 def test_one_search_over_all_three_steps_is_right_for_every_candidate(fleet):
     X, y, groups = fleet
     grid = {

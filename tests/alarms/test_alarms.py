@@ -112,6 +112,7 @@ def test_the_stated_run_length_includes_size_and_correlation_of_the_baseline(
     assert truth < 0.8 * 500  # nominal
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("chart", "true_length"),
     [

@@ -13,6 +13,7 @@ def test_a_single_untypical_reading_gives_no_alarm_and_successive_ones_do():
     assert alarms == ["", "", "", "", "2 successive untypical readings", "", ""]
 
 
+@pytest.mark.slow
 def test_the_nominal_run_length_is_that_of_a_simulation():
     typicality = np.random.default_rng(8).uniform(size=200_000)
     alarm, last, lengths = InputAlarm(0.1, consecutive=2), 0, []

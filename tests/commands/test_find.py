@@ -45,6 +45,7 @@ def here(folder, monkeypatch):
     return folder
 
 
+@pytest.mark.slow
 def test_rings_are_named_in_files_without_a_layout(here, capsys):
     options = ["--bearing", "6205", "--out", "found.csv", "--plot", "pictures"]
     pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")

@@ -371,6 +371,7 @@ def test_a_frame_is_accepted_and_its_index_kept():
     np.testing.assert_array_equal(again.predict(frame), fitted.predict(frame))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.* far outside the range of the fit")  # the longest-lived unit
 def test_units_are_held_out_as_wholes_by_scikit_learn():
     X, y, groups, _ = followed(range(30))

@@ -95,6 +95,7 @@ def test_the_sentence_tells_the_sidebands_of_the_shaft():
     assert "sidebands" not in find_faults([running("BPFO")], BEARING)["explanation"][0]
 
 
+@pytest.mark.slow
 def test_machines_without_a_fault_are_rarely_named():
     runs = [running(seed=seed) for seed in range(40)]
     found = find_faults(runs, BEARING)

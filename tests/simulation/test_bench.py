@@ -132,6 +132,7 @@ def test_a_fault_raises_the_line_at_its_order(fault):
     assert level(sick, channel, order) > 5 * level(record(condition), channel, order)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("m", [1, 2])
 def test_a_defect_stands_in_the_current_at_6_plus_and_minus_its_order(m):
     # Eq. (2.4), of the screw: its order does not fall on a multiple of 6.
