@@ -153,13 +153,13 @@ def label_x(axes: NDArray[np.object_], label: str) -> None:
             ax.set_xlabel(label)
 
 
-def date_axis(ax: Any) -> None:
-    """Mark dates on the x axis as shortly as is unambiguous; at least a minute is shown."""
+def date_axis(ax: Any, times: pd.Series) -> None:
+    """Mark the range of dates on the x axis as shortly as is unambiguous; at least a minute."""
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
-    low, high = ax.get_xlim()  # days
-    middle, half = (low + high) / 2, max(high - low, 1 / 1440) / 2
-    ax.set_xlim(middle - half, middle + half)
+    low, high = times.min(), times.max()
+    margin = max(0.05 * (high - low), pd.Timedelta(seconds=30))
+    ax.set_xlim(low - margin, high + margin)
     locator = AutoDateLocator(minticks=3, maxticks=8)
     ax.xaxis.set_major_locator(locator)
     ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))

@@ -190,7 +190,7 @@ class TrendDisplay(Display):
             axes[0].figure.supylabel("health index of unit", fontsize=10)
         _drawing.label_x(axes, self.time_label)
         if dates:
-            _drawing.date_axis(axes[-1])
+            _drawing.date_axis(axes[-1], table["time"])
         _drawing.legend_above(axes[0])
         return axes if len(axes) > 1 else axes[0]
 
