@@ -69,18 +69,38 @@ def test_files_in_three_formats_become_a_table_of_decisions(here, capsys):
 
 
 @pytest.mark.slow
+def test_training_states_yardsticks_and_what_each_channel_contributes(here, capsys):
+    for path in Path("files").iterdir():
+        path.unlink()
+    for unit in range(6):
+        for run in range(3):
+            worn = unit % 2
+            vib, speed = signals(worn, unit * 10 + run)
+            noise = np.random.default_rng([7, unit, run]).normal(size=N)
+            name = f"files/U{unit}_{('healthy', 'worn')[worn]}_{run}.npz"
+            np.savez(name, vib=vib, other=noise, speed=speed, time=np.arange(N) / FS)
+    Path("cost.csv").write_text(",healthy,worn\nhealthy,0,10\nworn,1,0\ninspect,0.3,0.3\n")
+    assert train("--max-order", "10", "--cost", "cost.csv") == 0
+    printed = capsys.readouterr().out
+    assert re.search(r"always 'inspect' +0.3\nalways 'healthy' +5.0", printed)
+    costs = dict(re.findall(r"\n(all channels|without \w+) .* ([0-9.]+)[^\n]*(?=\n)", printed))
+    assert sorted(costs) == ["all channels", "without other", "without vib"]
+    assert re.search(r"without vib .* 0\.3", printed)  # without the signal all are inspected
+    assert re.search(r"decided +\nhealthy +\d+ +\d+\n", printed)
+
+
+@pytest.mark.slow
 def test_the_rates_are_those_of_evaluate(here, capsys):
     assert train("--max-order", "10", "--revolutions", "8") == 0
     model = load_model("model.emacm")
     folder = RecordingFolder("files", Layout.from_toml("layout.toml"))
     labels = [recording.meta["state"] for recording in folder]
     found = evaluate(model, folder, labels, units="unit", healthy="healthy")
-    names = ["false_alarm_rate", "inspection_rate", "missed_detection_rate"]
+    names = ["false_alarm_rate", "inspection_rate", "missed_detection_rate", "realised_cost"]
     lines = capsys.readouterr().out.splitlines()
     heading = " ".join(names).replace("_", " ")
     start = next(k for k, line in enumerate(lines) if " ".join(line.split()) == heading) + 1
-    rows = [line for line in lines[start:] if re.search(r"\(.* to .*\)", line)]
-    assert len(rows) == len(found.table)
+    rows = [line for line in lines[start:] if re.search(r"\(.* to .*\)", line)][: len(found.table)]
     for row, (_, expected) in zip(rows, found.table.iterrows(), strict=True):
         printed = re.findall(r"(\S+) \((\S+) to (\S+)\)", row)
         for name, texts in zip(names, printed, strict=True):
