@@ -20,6 +20,7 @@ from emacm.commands.find import parts_of_options
 from emacm.commands.score import set_costs
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import groups_options
+from emacm.evaluation.comparison import compare
 from emacm.evaluation.evaluate import evaluate
 from emacm.evaluation.results import Evaluation, as_texts
 from emacm.files.folder import RecordingFolder
@@ -105,20 +106,25 @@ def _print_channels(
     if len(channels) < 2:
         return
     features = np.asarray(model[:-1].transform(recordings))
-    names = model[:-1].get_feature_names_out()
-    tables = {"all channels": found.table.loc["by unit"]}
+    # The longest name first: "drive" is also the beginning of "drive end".
+    longest_first = "|".join(map(re.escape, sorted(channels, key=len, reverse=True)))
+    of_channel = re.compile(rf"(?:^|\*)({longest_first})(?!\w)")
+    channels_of = [of_channel.findall(name) for name in model[:-1].get_feature_names_out()]
+    evaluations = {"all channels": found}
     for channel in channels:
-        of_channel = re.compile(rf"(^|\*){re.escape(channel)}[^\w]")
-        kept = [of_channel.search(name) is None for name in names]
+        kept = [channel not in own for own in channels_of]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # as for all channels
             part = evaluate(model[-1], features[:, kept], labels, units=groups, healthy=healthy)
-        tables[f"without {channel}"] = part.table.loc["by unit"]
-    table = pd.DataFrame(tables).T.infer_objects()
+        evaluations[f"without {channel}"] = part
+    compared = compare(evaluations, scheme="by unit")
     print("Channels, whole units held out:")
-    print(as_texts(table).filter(regex=" rate|realised cost").to_string())
-    for name, row in table.iloc[1:].iterrows():
-        if row["realised_cost"] < table["realised_cost_low"].iloc[0]:
+    print(compared.summary().filter(regex=" rate|realised cost").to_string())
+    differences = compared.differences.filter(regex="^realised_cost")
+    print("Difference of the cost from that with all channels:")
+    print(as_texts(differences).to_string())
+    for name, highest in differences["realised_cost_high"].items():
+        if highest < 0:
             print(f"- {str(name).capitalize()} the decisions cost less: name the other channels.")
 
 

@@ -202,3 +202,24 @@ def test_a_bad_file_is_named(here, capsys):
     Path("files/U0_worn_1.npz").write_bytes(b"PK")
     assert train() == 2
     assert "U0_worn_1.npz" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_channel_that_harms_is_named(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("files").mkdir()
+    angle = 2 * np.pi * 16 * np.arange(N) / FS
+    for unit in range(24):
+        gains = np.random.default_rng(unit).lognormal(sigma=2, size=15)  # of the unit
+        for run in range(2):
+            noise = np.random.default_rng(100 * unit + run).normal(size=(2, N))
+            useful = noise[0] + 0.16 * (unit % 2) * np.sin(5.3 * angle)
+            useless = 0.01 * noise[1] + gains @ np.sin(np.outer(np.arange(1.5, 16), angle))
+            path = f"files/U{unit}_{('healthy', 'worn')[unit % 2]}_{run}.npz"
+            np.savez(path, **{"drive end": useful, "drive": useless})
+    Path("layout.toml").write_text(
+        'fs = 1280\nvelocity = "960 rpm"\nmeta = "{unit}_{state}_{run:d}"\n'
+    )
+    assert train("--max-order", "16", "--revolutions", "4") == 0
+    printed = capsys.readouterr().out
+    assert re.findall("^- Without (.*) the decisions cost less", printed, re.M) == ["drive"]
