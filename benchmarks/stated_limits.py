@@ -12,7 +12,7 @@
 - Prediction sets of units that are shifted from the training (fleets as in new_units.py).
 - Gears whose shaft angle has an error once per revolution.
 
-    python benchmarks/stated_limits.py [--pronostia FOLDER]
+    python benchmarks/stated_limits.py [--quick] [--pronostia FOLDER]
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def warned(call: Callable[[], Any]) -> tuple[Any, bool]:
         return call(), bool(caught)
 
 
-def trends(n_trials: int = 1000) -> Iterator[dict[str, Any]]:
+def trends(n_trials: int) -> Iterator[dict[str, Any]]:
     """Yield the share of series with a trend, by shape of the drift."""
     for n in (20, 60, 200):
         for rho in (0.0, 0.3, 0.6, 0.8):
@@ -73,7 +73,7 @@ def trends(n_trials: int = 1000) -> Iterator[dict[str, Any]]:
             yield row
 
 
-def indices(n_trials: int = 100) -> Iterator[dict[str, Any]]:
+def indices(n_trials: int) -> Iterator[dict[str, Any]]:
     """Yield alarm rates of a `HealthIndex` whose groups are correlated."""
     for n, n_features in ((20, 4), (20, 24), (60, 4), (60, 24)):
         for rho in (0.0, 0.2, 0.3, 0.6, 0.8):
@@ -91,7 +91,7 @@ def indices(n_trials: int = 100) -> Iterator[dict[str, Any]]:
             yield row | {"alarm rate": f"{rate:.3f}", "warned": f"{share:.2f}"}
 
 
-def charts(n_trials: int = 100) -> Iterator[dict[str, Any]]:
+def charts(n_trials: int) -> Iterator[dict[str, Any]]:
     """Yield the share of charts with a false alarm within 200 readings, by their baseline."""
     for n, n_features in ((20, 4), (20, 24), (60, 4), (60, 24)):
         rng, found = np.random.default_rng(n), []
@@ -137,7 +137,7 @@ def run_in(folder: Path) -> Iterator[dict[str, Any]]:
         yield {"part": part, "bearing": path.name, "alarm rate": rate, "warned": stated}
 
 
-def shifted_units(n_fleets: int = 16) -> Iterator[dict[str, Any]]:
+def shifted_units(n_fleets: int) -> Iterator[dict[str, Any]]:
     """Yield coverage of sets of 90 %, and share of calls with a warning, by shift and units."""
     states, found = np.array(["healthy", "screw", "inner ring"]), []
     for seed in range(n_fleets):
@@ -172,7 +172,7 @@ def shifted_units(n_fleets: int = 16) -> Iterator[dict[str, Any]]:
     yield from means.round(3).reset_index().to_dict("records")
 
 
-def modulated_gears(n_trials: int = 10) -> Iterator[dict[str, Any]]:
+def modulated_gears(n_trials: int) -> Iterator[dict[str, Any]]:
     """Yield indicators of gears by the phase modulation that an error of the angle causes."""
     for teeth in (13, 40):
         rng = np.random.default_rng(teeth)
@@ -208,18 +208,19 @@ def modulated_gears(n_trials: int = 10) -> Iterator[dict[str, Any]]:
 def main() -> None:
     """Print all tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="few trials, to see that it runs")
     parser.add_argument("--pronostia", type=Path)
     options = parser.parse_args()
     print(header())
     parts = [
-        ("Share of series in which a trend is found", trends),
-        ("HealthIndex, limit of 5 %", indices),
-        ("Charts on a health index", charts),
-        ("Units shifted from the training", shifted_units),
-        ("Gears with an error of the angle", modulated_gears),
+        ("Share of series in which a trend is found", trends, 1000),
+        ("HealthIndex, limit of 5 %", indices, 100),
+        ("Charts on a health index", charts, 100),
+        ("Units shifted from the training", shifted_units, 16),
+        ("Gears with an error of the angle", modulated_gears, 10),
     ]
-    for title, rows in parts:
-        print(f"\n{title}\n{table([*rows()])}", flush=True)
+    for title, rows, n_trials in parts:
+        print(f"\n{title}\n{table([*rows(1 if options.quick else n_trials)])}", flush=True)
     if options.pronostia is None or not options.pronostia.is_dir():
         print("\nPRONOSTIA: skipped; give the folder of the data by --pronostia.")
         return
