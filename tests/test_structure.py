@@ -35,6 +35,7 @@ ORDER = [
     "alarms",
     "life",
     "streams",
+    "history",
     "monitoring",
     "models",
     "simulation",

@@ -1,0 +1,148 @@
+"""The record: what is stated of a recording, or of an interval of a stream, and its JSON Schema."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from hashlib import sha256
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from emacm._version import __version__
+
+VERSION = "1.0"  # of the schema; fields are only added in versions 1.x
+
+_TEXT, _NUMBER = {"type": "string"}, {"type": ["number", "null"]}
+_TIME = {"type": ["string", "null"], "pattern": r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z$"}
+
+
+def _about(kind: Mapping[str, Any], text: str) -> dict[str, Any]:
+    return {**kind, "description": text}
+
+
+def _table(fields: dict[str, Any], **others: Any) -> dict[str, Any]:
+    """Return the schema of an object of which every field is required, and no other one allowed."""
+    closed = {"required": list(fields), "additionalProperties": False}
+    return {"type": "object", "properties": fields, **closed, **others}
+
+
+ALARM = _table(
+    {
+        "id": _about(_TEXT, "identity of the alarm: the same for unit, channel and kind"),
+        "unit": _about(_TEXT, "unit, or machine"),
+        "channel": _about(_TEXT, "channel; empty if it is the whole unit"),
+        "kind": _about(_TEXT, "such as decision, untypical, input, or the name of a chart"),
+        "severity": {"enum": ["warning", "alarm"], "description": "how serious it is"},
+        "state": {
+            "enum": ["raised", "acknowledged", "suppressed", "cleared"],
+            "description": "its state from now on",
+        },
+        "since": _about(_TIME, "when it was raised, in UTC"),
+        "time": _about(_TIME, "when its state changed, in UTC"),
+        "by": _about(_TEXT, "who acknowledged or suppressed it; empty if nobody did"),
+        "text": _about(_TEXT, "what was noticed"),
+    }
+)
+_FIELDS = {
+    "recording": _about(_TEXT, "path of the file, or name of the stream"),
+    "unit": _about(_TEXT, "unit, or machine; empty if it is not known"),
+    "start": _about(_TIME, "start, in UTC; null if it is not known"),
+    "end": _about(_TIME, "end, in UTC; null if it is not known"),
+    "times": {
+        "enum": ["file", "stated", "modified", "clock", ""],
+        "description": "where the times are from: dates in the file; stated; the time at which "
+        "the file was written (the end); the clock of the computer (the end)",
+    },
+    "decision": _about({"type": ["string", "null"]}, "null if there is none"),
+    "expected_cost": _about(_NUMBER, "expected cost of the decision"),
+    "typicality": _about(_NUMBER, "share of the training that is as far from all classes"),
+    "warnings": _about(_TEXT, "defects of the recording, separated by '; '"),
+    "outside_training": _about(_TEXT, "what is outside the range of the training"),
+    "error": _about(_TEXT, "why there is no decision; empty if there is one"),
+    "alarms": {"type": "array", "items": ALARM, "description": "alarms that changed their state"},
+    "complete": _about({"type": "boolean"}, "false for an interval that is not finished"),
+    "model": _about(_TEXT, "digest of the model"),
+    "model_note": _about(_TEXT, "note that is stored in the file of the model"),
+    "emacm": _about(_TEXT, "version of emacm"),
+    "schema": _about(_TEXT, "version of this schema"),
+    "id": _about(_TEXT, "identity: the same if the same is computed again"),
+}
+SCHEMA = {
+    "$schema": "https://json-schema.org/draft/2020-12/schema",
+    "title": "Record of emacm",
+    "description": "What a model states of a recording, or of an interval of a stream.",
+    **_table(_FIELDS),
+    "patternProperties": {r"^P\(.*\)$": _about(_NUMBER, "probability of a state")},
+}
+"""JSON Schema of a record; that of an alarm is `ALARM`."""
+
+
+def record_of(found: Mapping[str, Any], **others: Any) -> dict[str, Any]:
+    """Return a record, whose values are those of JSON.
+
+    Parameters
+    ----------
+    found : mapping of str to object
+        Some of the fields, as `score` returns them for a recording. Missing ones are empty.
+    **others : object
+        Further fields. `start` and `end` may be times of pandas; those without a zone are UTC.
+
+    Returns
+    -------
+    dict
+        The fields of `SCHEMA`.
+
+    Examples
+    --------
+    >>> row = {"decision": "worn", "expected_cost": 0.5, "P(worn)": 0.75}
+    >>> record = record_of(row, unit="pump 3", end=pd.Timestamp("2026-03-01 12:00"))
+    >>> record["decision"], record["P(worn)"], record["end"], record["start"]
+    ('worn', 0.75, '2026-03-01T12:00:00.000Z', None)
+    """
+    given = {**found, **others}
+    given["start"], given["end"] = (utc(given.get(name)) for name in ("start", "end"))
+    empty = {"alarms": [], "complete": True, "emacm": __version__, "schema": VERSION}
+    texts = {name for name, kind in _FIELDS.items() if "null" not in kind.get("type", "")}
+    record = {}
+    for name in [*_FIELDS, *(name for name in given if name.startswith("P("))]:
+        value = _plain(given.get(name))
+        if value is None and name in texts:
+            value = empty.get(name, "")
+        record[name] = value
+    if record["decision"] is not None:
+        record["decision"] = str(record["decision"])
+    record["id"] = record["id"] or identity(record[name] for name in ("unit", "recording", "start"))
+    return record
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def utc(time: Any) -> str | None:
+    """Return a time as a text in UTC; None if it is none. One without a zone is in UTC.
+
+    Parameters
+    ----------
+    time : Timestamp, datetime, str or None
+        The time.
+
+    Examples
+    --------
+    >>> utc("2026-03-01T13:00:00+01:00")
+    '2026-03-01T12:00:00.000Z'
+    """
+    if time is None or pd.isna(time):
+        return None
+    stamp = pd.Timestamp(time)
+    stamp = stamp if stamp.tz is None else stamp.tz_convert(None)
+    return f"{stamp.isoformat(timespec='milliseconds')}Z"
+
+
+def identity(parts: Iterable[Any]) -> str:
+    """Return an identity that follows from these values: 32 hexadecimal digits."""
+    text = "\0".join(map(str, parts))
+    return sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:32]

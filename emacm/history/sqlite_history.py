@@ -1,0 +1,141 @@
+"""The history: a file of SQLite with all records, and the states of the alarms."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from emacm.history.records import ALARM
+
+_COLUMNS = (
+    "id", "unit", "recording", "start", "end", "decision", "expected_cost", "typicality",
+    "warnings", "outside_training", "complete", "error", "model",
+)  # fmt: skip
+_ALARM_COLUMNS = tuple(ALARM["properties"])
+_QUOTED = ", ".join(f'"{name}"' for name in _COLUMNS)  # END is a word of SQL
+_TABLES = (
+    f"records ({_QUOTED}, record TEXT, PRIMARY KEY (id))",
+    f"alarms ({', '.join(_ALARM_COLUMNS)}, PRIMARY KEY (id, since))",
+    "unsent (sink TEXT, id TEXT, PRIMARY KEY (sink, id))",
+)
+_INDICES = ('records_of_unit ON records (unit, "end")', "records_of_name ON records (recording)")
+
+
+class History:
+    """Records and alarms in a file of SQLite, which other programs can read.
+
+    Table `records` has a row for each record: the fields that a query needs, and in `record` all of
+    them as JSON. Table `alarms` has the present state of each alarm since it was raised. What was
+    written is on the disk when the method returns; writing a record again changes nothing.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; it is created if there is none.
+
+    Raises
+    ------
+    ValueError
+        If the file is no such history, or cannot be opened.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from emacm.history.records import record_of
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     history = History(folder + "/pump.sqlite")
+    ...     history.write(record_of({"decision": "worn"}, unit="pump 3", recording="1.csv"))
+    ...     [(record["unit"], record["decision"]) for record in history.records()]
+    ...     history.close()
+    [('pump 3', 'worn')]
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        try:
+            self._base = sqlite3.connect(self.path, timeout=30)
+            self._base.row_factory = sqlite3.Row
+            self._base.execute("PRAGMA journal_mode = WAL")  # others read while it is written
+            with self._base:
+                for table in _TABLES:
+                    self._base.execute(f"CREATE TABLE IF NOT EXISTS {table}")
+                for index in _INDICES:
+                    self._base.execute(f"CREATE INDEX IF NOT EXISTS {index}")
+        except sqlite3.Error as error:
+            raise ValueError(
+                f"{self.path} cannot be used as a history: {error}. Name a new file, or one that "
+                f"emacm wrote."
+            ) from error
+
+    def close(self) -> None:
+        """Close the file."""
+        self._base.close()
+
+    def write(self, record: Mapping[str, Any]) -> None:
+        """Write a record, and the alarms that changed with it."""
+        self.write_all([record])
+
+    def write_all(self, records: Iterable[Mapping[str, Any]]) -> None:
+        """Write records, all of them or, after an error, none."""
+        with self._base:
+            for record in records:
+                text = json.dumps(record, ensure_ascii=False)
+                values = [*(record[name] for name in _COLUMNS), text]
+                self._insert("records", values)
+                for change in record["alarms"]:
+                    self._insert("alarms", [change[name] for name in _ALARM_COLUMNS])
+
+    def _insert(self, table: str, values: Sequence[Any]) -> None:
+        places = ", ".join("?" * len(values))
+        self._base.execute(f"INSERT OR REPLACE INTO {table} VALUES ({places})", values)
+
+    def records(self, unit: str | None = None) -> list[dict[str, Any]]:
+        """Return all records, or those of a unit, in order of their end."""
+        where, values = ("", ()) if unit is None else ("WHERE unit = ?", (unit,))
+        found = self._base.execute(f'SELECT record FROM records {where} ORDER BY "end", id', values)
+        return [json.loads(text) for (text,) in found]
+
+    def last_records(self) -> list[dict[str, Any]]:
+        """Return the last record of each unit."""
+        latest = 'SELECT record, max("end") FROM records GROUP BY unit ORDER BY unit'
+        return [json.loads(text) for text, _ in self._base.execute(latest)]
+
+    def known(self) -> dict[tuple[str, str], dict[str, Any]]:
+        """Return decision and error of each record, by its recording and identity."""
+        found = self._base.execute("SELECT recording, id, decision, error FROM records")
+        return {(row["recording"], row["id"]): dict(row) for row in found}
+
+    def alarms(self, *, open_only: bool = False) -> list[dict[str, Any]]:
+        """Return the alarms, the latest first; those that are not cleared, if `open_only`."""
+        where = "WHERE state != 'cleared'" if open_only else ""
+        found = self._base.execute(f"SELECT * FROM alarms {where} ORDER BY since DESC, id")
+        return [dict(row) for row in found]
+
+    def set_state(self, identity: str, state: str, *, by: str, time: str) -> int:
+        """Set the state of an alarm that is not cleared; return how many there are."""
+        with self._base:
+            return self._base.execute(
+                "UPDATE alarms SET state = ?, by = ?, time = ? WHERE id = ? AND state != 'cleared'",
+                (state, by, time, identity),
+            ).rowcount
+
+    def note_unsent(self, sink: str, identity: str) -> None:
+        """Note that a record is still to be sent."""
+        with self._base:
+            self._insert("unsent", [sink, identity])
+
+    def note_sent(self, sink: str, identity: str) -> None:
+        """Note that a record was sent."""
+        with self._base:
+            self._base.execute("DELETE FROM unsent WHERE sink = ? AND id = ?", (sink, identity))
+
+    def unsent(self, sink: str) -> list[dict[str, Any]]:
+        """Return the records that are still to be sent, in order of their end."""
+        found = self._base.execute(
+            'SELECT record FROM records JOIN unsent USING (id) WHERE sink = ? ORDER BY "end", id',
+            (sink,),
+        )
+        return [json.loads(text) for (text,) in found]
