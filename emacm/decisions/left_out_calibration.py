@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, cast
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
 from scipy.special import log_softmax
@@ -27,6 +28,7 @@ from emacm.calibration.left_out import (
     student_tail,
 )
 from emacm.decisions.pipelines import parameters_of_rows
+from emacm.decisions.risks import decide
 from emacm.decisions.truths import states_unknown, truth_priors
 from emacm.decisions.typicality import (
     Typicality,
@@ -422,6 +424,35 @@ class LeftOutMixin:
         if typicality is None:
             typicality = self.typicality(X)
         return unknown_probability(typicality, self.unknown_prior_)
+
+    def left_out_decisions(self):
+        """Return the present decision on each training recording, judged without its group.
+
+        Returns
+        -------
+        DataFrame
+            "truth", "decision", "typicality" and "group" (a number) of the recordings of classes
+            that other groups have as well.
+
+        Raises
+        ------
+        ValueError
+            If `fit` had neither ``unknown_rate`` nor a temperature to find.
+        """
+        left = self._calibrated("left_out")
+        rows = left.judged
+        log_priors = np.log(np.maximum(self.priors_, np.finfo(np.float64).tiny))
+        joint = left.log_densities[rows] / self.temperature_ + log_priors
+        final = cast(Any, self)  # with the costs of another base class
+        truths = final.truth_proba(None, np.exp(log_softmax(joint, axis=1)), left.typicality[rows])
+        return pd.DataFrame(
+            {
+                "truth": self.classes_[left.codes[rows]],
+                "decision": final.decisions_[decide(truths, final.cost_)],
+                "typicality": left.typicality[rows],
+                "group": left.units[rows],
+            }
+        )
 
     def _checked_features(self, X: Any) -> Array:
         raise NotImplementedError

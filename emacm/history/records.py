@@ -54,6 +54,8 @@ _FIELDS = {
         "description": "where the times are from: dates in the file; stated; the time at which "
         "the file was written (the end); the clock of the computer (the end)",
     },
+    "stream_start": _about(_NUMBER, "start in the time of a stream [s]; null for a file"),
+    "stream_end": _about(_NUMBER, "end in the time of a stream [s]; null for a file"),
     "decision": _about({"type": ["string", "null"]}, "null if there is none"),
     "expected_cost": _about(_NUMBER, "expected cost of the decision"),
     "typicality": _about(_NUMBER, "share of the training that is as far from all classes"),

@@ -498,17 +498,15 @@ class OrderMonitor:
 
     def _finish(self, end: float, *, complete: bool = True) -> Reading:
         """Return the reading of the interval that ends now."""
-        start, error = self._origin + self._cutter.start, ""
-        reading = Reading(start, end, None, {}, None, {}, None, complete=complete)
+        start = self._origin + self._cutter.start
         try:
             powers = self._stream.finish()
             quality = self._stream.quality.quality({n: self._rates[n] for n in self._names})
             reading = self._model.reading(start, end, powers, quality, complete=complete)
         except ValueError as problem:  # such as an interval in which the shaft stands still
             error = " ".join(str(problem).split())
-        if not complete:
-            return reading
-        return replace(reading, alarms=self._alarms.update(reading, error))
+            reading = Reading(start, end, None, {}, None, {}, None, complete=complete, error=error)
+        return replace(reading, alarms=self._alarms.update(reading)) if complete else reading
 
     def _check_memory(self) -> None:
         n_held = max(self._stream.n_held, self._cutter.n_waiting)

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
-from numbers import Number
 from typing import Any
 
 import numpy as np
@@ -16,11 +15,11 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm.alarms.control_charts import CUSUM, EWMA
 from emacm.alarms.input_alarms import InputAlarm
+from emacm.decisions.model_digest import model_digest
 from emacm.decisions.pipelines import search_estimator
 from emacm.decisions.risks import LeastRiskMixin
 from emacm.orders.bin_transformer import collected_statements
 from emacm.orders.order_psd import OrderPSD
-from emacm.recordings.digests import content_digest
 from emacm.resampling.order_resampler import OrderResampler, SignalCache
 from emacm.resampling.quality import Quality
 from emacm.resampling.training_range import outside_range
@@ -78,22 +77,21 @@ class ReadingAlarms(Resumable):
         unknown = getattr(model.classifier, "unknown", None)
         self._input = InputAlarm(unknown="unknown" if unknown is None else unknown)
 
-    def update(self, reading: Reading, error: str) -> tuple[str, ...]:
+    def update(self, reading: Reading) -> tuple[str, ...]:
         """Return the alarms of the next reading, in words.
 
         Parameters
         ----------
         reading : Reading
-            The reading; its alarms are what is far outside the range of the training.
-        error : str
-            Why it has no features, or "".
+            The reading.
 
         Returns
         -------
         tuple of str
         """
-        row = {"decision": reading.decision, "typicality": reading.typicality, "error": error}
-        reasons = self._input.reasons(row | {"outside_training": reading.alarms})
+        names = ("decision", "typicality", "error")
+        row: dict[str, Any] = {name: getattr(reading, name) for name in names}
+        reasons = self._input.reasons(row | {"outside_training": reading.defects})
         found = ["; ".join(reasons)] if reasons else []
         values: dict[str, Any] = {_COST: reading.expected_cost}
         if reading.features is not None:
@@ -111,7 +109,6 @@ class ReadingAlarms(Resumable):
         return tuple(found)
 
 
-_NO_RESULT = ("n_jobs", "memory", "verbose")  # parameters that change no result
 _CHAIN = "OrderResampler, OrderPSD, transformers of tables (BinTransformer, FaultLines, ...)"
 
 
@@ -143,6 +140,13 @@ class Reading:
     complete : bool
         False for the reading of an unfinished interval: it has no alarms, states no new spectral
         lines, and is no reading of the charts.
+    defects : tuple of str
+        Defects of channels that those of the training do not have, what is far outside the
+        training, and new spectral lines. Each is an alarm.
+    fastest : float
+        Highest speed of the shaft of interest [rad/s]; NaN if it did not turn.
+    error : str
+        Why there are no features; empty if there are.
     """
 
     start: float
@@ -155,6 +159,9 @@ class Reading:
     alarms: tuple[str, ...] = ()
     outside_training: tuple[str, ...] = ()
     complete: bool = True
+    defects: tuple[str, ...] = ()
+    fastest: float = np.nan
+    error: str = ""
 
     @property
     def expected_cost(self) -> float | None:
@@ -209,9 +216,6 @@ class StreamedModel:
     ) -> Reading:
         """Return what the model states of the spectra of an interval.
 
-        The alarms are defects of channels that those of the training do not have, what is far
-        outside the training, and new spectral lines if there is a classifier.
-
         Parameters
         ----------
         start, time : float
@@ -221,7 +225,7 @@ class StreamedModel:
         quality : Quality
             Properties of the interval.
         complete : bool
-            Whether the interval is finished; if not, there are no alarms and no new lines.
+            Whether the interval is finished; if not, there are no defects and no new lines.
 
         Returns
         -------
@@ -235,11 +239,12 @@ class StreamedModel:
         texts = tuple(statement.text for statement in outside)
         lines = tuple(new_lines[0]) if complete else ()
         usual = self.resampler.training_findings_
-        alarms = [found.text for found in quality.findings if found.kind not in usual]
-        alarms += [statement.text for statement in outside if statement.severe]
-        alarms = alarms if complete else []
+        defects = [found.text for found in quality.findings if found.kind not in usual]
+        defects += [statement.text for statement in outside if statement.severe]
         reading = Reading(
-            start, time, np.asarray(table)[0], {}, None, {}, None, tuple(alarms), texts, complete
+            *(start, time, np.asarray(table)[0], {}, None, {}, None, (), texts, complete),
+            defects=tuple(defects) if complete else (),
+            fastest=quality.row["fastest"],
         )
         final = self.classifier
         if final is None:
@@ -260,14 +265,13 @@ class StreamedModel:
             decision=decision,
             risk=risk,
             typicality=typicality,
-            alarms=(*alarms, *lines),
+            defects=(*reading.defects, *lines),
             outside_training=texts or lines,
         )
 
     def digest(self) -> str:
         """Return the digest of the parameters and the fitted values of all steps."""
-        steps = [self.resampler, self.psd, *self._transformers, self.classifier]
-        return content_digest(repr(_facts(steps)), [])
+        return model_digest([self.resampler, self.psd, *self._transformers, self.classifier])
 
     def feature_names(self) -> list[str]:
         """Return the names of the features."""
@@ -312,21 +316,3 @@ def _refusal(step: Any, wanted: str, place: str) -> str:
 
 def _labelled(labels: Any, values: Any) -> dict[Any, float]:
     return dict(zip(np.asarray(labels).tolist(), map(float, values), strict=True))
-
-
-def _facts(value: Any) -> Any:
-    """Return what a value consists of, equal for equal values; digests for arrays."""
-    if isinstance(value, bool | str | None):
-        return value
-    if isinstance(value, Number):
-        return complex(value)  # type: ignore[call-overload]
-    if isinstance(value, Mapping):
-        return sorted((repr(_facts(k)), _facts(v)) for k, v in value.items())
-    if isinstance(value, list | tuple) or getattr(value, "dtype", None) == np.dtype(object):
-        return [_facts(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return content_digest("", [np.atleast_1d(value)])
-    if hasattr(value, "__dict__") and not isinstance(value, type) and not callable(value):
-        public = {n: v for n, v in vars(value).items() if n[0] != "_" and n not in _NO_RESULT}
-        return type(value).__name__, _facts(public)
-    return getattr(value, "__qualname__", type(value).__name__)

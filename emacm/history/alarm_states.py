@@ -1,0 +1,158 @@
+"""Alarms as states: raised by several readings, cleared by quiet ones, told when they change."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any, NamedTuple
+
+from emacm.history.records import identity
+
+Reasons = dict[tuple[str, str], str]  # by channel and kind
+
+
+class Rule(NamedTuple):
+    """When an alarm is raised and cleared.
+
+    Attributes
+    ----------
+    needed, of : int
+        It is raised when `needed` of the last `of` readings are a reason for it.
+    quiet : int
+        It is cleared after so many successive readings that are none.
+    """
+
+    needed: int = 3
+    of: int = 5
+    quiet: int = 5
+
+
+def reasons_of(
+    record: Mapping[str, Any],
+    defects: Iterable[str],
+    *,
+    healthy: Collection[str],
+    typicality: float = 0.0,
+    channels: Collection[str] = (),
+) -> Reasons:
+    """Return what a record is a reason for an alarm for, in words.
+
+    Parameters
+    ----------
+    record : mapping of str to object
+        Fields of a record.
+    defects : iterable of str
+        Sentences on defects of channels, on what is far outside the training, and of charts (they
+        begin with ``EWMA of`` or ``CUSUM of``).
+    healthy : collection of str
+        Decisions that are no reason.
+    typicality : float
+        Typicality at or below which a reading is untypical, which is a reason.
+    channels : collection of str
+        Names of the channels: a sentence that names one belongs to it.
+
+    Returns
+    -------
+    dict of (channel, kind) to str
+        Kinds are "error", "decision" (untypical readings included), "input", and the charts.
+
+    Examples
+    --------
+    >>> record = {"decision": "worn", "typicality": 0.4, "error": ""}
+    >>> reasons_of(record, ["current: constant"], healthy=["new"], channels=["current"])
+    {('', 'decision'): 'worn', ('current', 'input'): 'current: constant'}
+    """
+    found: Reasons = {}
+    if record["error"]:
+        found["", "error"] = record["error"]
+    rare = record["typicality"] is not None and record["typicality"] <= typicality
+    if record["decision"] is not None and (record["decision"] not in healthy or rare):
+        untypical = f", typicality {record['typicality']:.2g}" if rare else ""
+        found["", "decision"] = record["decision"] + untypical
+    longest_first = sorted(channels, key=len, reverse=True)
+    for text in defects:
+        if text.startswith(("EWMA of ", "CUSUM of ")):
+            found["", text.rpartition(": ")[0]] = text
+            continue
+        of_channel = (c for c in longest_first if f"'{c}'" in text or text.startswith(f"{c}: "))
+        key = next(of_channel, ""), "input"
+        found[key] = "; ".join(filter(None, [found.get(key), text]))
+    return found
+
+
+class AlarmStates:
+    """The alarms of one unit.
+
+    Parameters
+    ----------
+    unit : str
+        The unit.
+    rule : Rule
+        When they are raised and cleared.
+
+    Examples
+    --------
+    >>> alarms = AlarmStates("pump 3", Rule(needed=2, of=3, quiet=2))
+    >>> worn = {("", "decision"): "worn"}
+    >>> for hour, reasons in enumerate([worn, {}, worn, worn, {}, {}, {}]):
+    ...     for change in alarms.update(reasons, f"2026-03-01T0{hour}:00:00.000Z"):
+    ...         print(change["time"][:16], change["state"], change["text"])
+    2026-03-01T02:00 raised worn
+    2026-03-01T05:00 cleared worn
+    """
+
+    def __init__(self, unit: str, rule: Rule) -> None:
+        self._unit, self._rule = unit, rule
+        self._recent: dict[tuple[str, str], list[bool]] = {}
+        self._open: dict[tuple[str, str], dict[str, Any]] = {}
+
+    def update(self, reasons: Mapping[tuple[str, str], str], time: str) -> list[dict[str, Any]]:
+        """Continue with a reading; return the alarms that changed their state.
+
+        Parameters
+        ----------
+        reasons : mapping of (channel, kind) to str
+            As `reasons_of` returns them.
+        time : str
+            When it ended, in UTC.
+
+        Returns
+        -------
+        list of dict
+            As in the field "alarms" of a record.
+        """
+        rule, changes = self._rule, []
+        for key in [*dict.fromkeys([*self._recent, *reasons])]:
+            recent = [*self._recent.get(key, []), key in reasons][-max(rule.of, rule.quiet) :]
+            self._recent[key] = recent
+            if key not in self._open and sum(recent[-rule.of :]) >= rule.needed:
+                self._open[key] = self._raised(*key, reasons.get(key, ""), time)
+                changes.append(dict(self._open[key]))
+            elif key in self._open and not any(recent[-rule.quiet :]):
+                changes.append(self._open.pop(key) | {"state": "cleared", "time": time})
+            if key not in self._open and not any(recent):
+                del self._recent[key]
+        return changes
+
+    def _raised(self, channel: str, kind: str, text: str, time: str) -> dict[str, Any]:
+        return {
+            "id": identity([self._unit, channel, kind])[:12],
+            "unit": self._unit,
+            "channel": channel,
+            "kind": kind,
+            "severity": "alarm" if kind == "decision" else "warning",
+            "state": "raised",
+            "since": time,
+            "time": time,
+            "by": "",
+            "text": text,
+        }
+
+    def state(self) -> list[Any]:
+        """Return what `restore` needs, as values of JSON."""
+        keys = self._recent
+        return [[*key, recent, self._open.get(key)] for key, recent in keys.items()]
+
+    def restore(self, state: Iterable[Any]) -> None:
+        """Continue from a state."""
+        self._recent = {(channel, kind): recent for channel, kind, recent, _ in state}
+        self._open = {(channel, kind): alarm for channel, kind, _, alarm in state if alarm}
