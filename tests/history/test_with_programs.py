@@ -24,6 +24,7 @@ from emacm.history.sqlite_history import History
 
 pytestmark = pytest.mark.slow
 UNITS = ["pump 3", "fan/1", 'wheel "+#\\" ü']
+FAST = "scrape_interval: 1s\n  evaluation_interval: 1s"
 END = "2026-03-01T12:{:02d}:{:02d}.000Z"
 
 
@@ -272,23 +273,36 @@ def test_the_node_exporter_reads_the_file_at_any_time_while_it_is_written(export
     assert 'emacm_decision{decision="worn",unit="wheel \\"+#\\\\\\" ü"} 1' in pages[-1]
 
 
-def test_prometheus_answers_a_query_for_the_open_alarms(exporter, tmp_path):
+PLANT = Path(__file__).parents[2] / "notebooks" / "plant"
+
+
+def test_prometheus_answers_what_the_dashboard_asks_and_raises_its_alarm(exporter, tmp_path):
     sink, port = sink_of(f"prometheus:{tmp_path / 'a.prom'}"), free_port()
     for record in some_records(4, alarms=True):
-        sink.write(record)
-    config = tmp_path / "prometheus.yml"
-    config.write_text(
-        "global: {scrape_interval: 1s}\nscrape_configs:\n- job_name: emacm\n"
-        f"  static_configs: [{{targets: ['127.0.0.1:{exporter}']}}]\n"
-    )
-    command = [program("prometheus"), f"--config.file={config}", f"--storage.tsdb.path={tmp_path}"]
-    query = urlencode({"query": "emacm_open_alarms"})
+        sink.write(record | {"expected_cost": 0.5, "typicality": 0.25})
+    for name in ("prometheus.yml", "alarms.yml"):
+        text = (PLANT / name).read_text(encoding="utf-8").replace("scrape_interval: 5s", FAST)
+        (tmp_path / name).write_text(text.replace("localhost:9100", f"127.0.0.1:{exporter}"))
+    command = [program("prometheus"), f"--storage.tsdb.path={tmp_path}"]
+    command += [f"--config.file={tmp_path / 'prometheus.yml'}", "--log.level=error"]
+    panels = json.loads((PLANT / "grafana_dashboard.json").read_text(encoding="utf-8"))["panels"]
+    queries = [target["expr"] for panel in panels for target in panel["targets"]]
     with running(*command, f"--web.listen-address=127.0.0.1:{port}", port=port):
-        url = f"http://127.0.0.1:{port}/api/v1/query?{query}"
-        found = until(lambda: json.loads(text_of(url) or "{}").get("data", {}).get("result"))
-    assert {item["metric"]["unit"]: item["value"][1] for item in found} == {
-        UNITS[0]: "2", UNITS[1]: "1", UNITS[2]: "1"
-    }  # fmt: skip
+
+        def result(path, **query):
+            page = text_of(f"http://127.0.0.1:{port}/api/v1/{path}?{urlencode(query)}")
+            return json.loads(page or "{}").get("data", {})
+
+        found = [
+            until(lambda query=query: result("query", query=query).get("result"))
+            for query in queries
+        ]
+        raised = until(lambda: result("alerts").get("alerts"))
+    opened = {item["metric"]["unit"]: item["value"][1] for item in found[0]}
+    assert opened == {UNITS[0]: "2", UNITS[1]: "1", UNITS[2]: "1"}
+    assert all(len(items) == 3 for items in found)
+    names = {alert["labels"]["alertname"] for alert in raised}
+    assert names == {"OpenAlarm", "NoRecord"}  # the records are of March
 
 
 def test_influxdb_answers_with_the_records_written_as_lines(tmp_path):
