@@ -48,7 +48,7 @@ ORDER = [
 ]
 NEVER_IMPORTED = {"demo", "commands", "__main__"}  # except by the command line
 OPTIONAL = {"matplotlib", "numba", "polars", "tqdm"}
-OPTIONAL |= {"asammdf", "h5py", "nptdms", "pyarrow", "pyuff", "skops"}
+OPTIONAL |= {"asammdf", "h5py", "nptdms", "paho", "pyarrow", "pyuff", "skops"}
 TEST_TOOLS = {"pytest", "hypothesis", "tests", "IPython", "ipykernel", "nbclient", "nbformat"}
 LONGEST_FILE = 600
 
