@@ -465,8 +465,8 @@ def renamed(log, text):
 
 
 def intervals(lines):
-    readings = [line for line in lines if "error" not in line]
-    return [(line["start"], line["time"], line["complete"]) for line in readings]
+    readings = [line for line in lines if not line["error"]]
+    return [(line["stream_start"], line["stream_end"], line["complete"]) for line in readings]
 
 
 @pytest.mark.parametrize("header", ["", "time,vib,speed\n", "speed,time,vib\n"])
@@ -482,16 +482,16 @@ def test_a_log_that_is_replaced_is_read_from_its_new_beginning(
     if restored:
         first = monitored(old, *state)[1]
         replace(log, header + "".join(new))
-        lines = [line for line in first if line.get("complete")] + monitored(None, *state)[1]
+        lines = [line for line in first if line["complete"]] + monitored(None, *state)[1]
     else:
         sleeps = iter([lambda: replace(log, header + "".join(new))])
         monkeypatch.setattr(monitor.time, "sleep", lambda s: next(sleeps, lambda: sleep(s))())
         lines = monitored(old, idle="0.1")[1]
-    (error,) = [line for line in lines if "error" in line]
+    (error,) = [line for line in lines if line["error"]]
     assert "log.csv was emptied or replaced" in error["error"]
     expected = [(0, 1, True), (1, 1.5, False), (50, 51, True), (51, 52, True), (52, 52.5, False)]
     np.testing.assert_allclose(intervals(lines), expected)
-    assert {line["decision"] for line in lines if line.get("complete")} == {"ok"}
+    assert {line["decision"] for line in lines if line["complete"]} == {"ok"}
 
 
 def test_times_are_those_of_the_rows_also_after_a_pause_and_a_clock_that_jumps_back(monitored):
@@ -501,7 +501,7 @@ def test_times_are_those_of_the_rows_also_after_a_pause_and_a_clock_that_jumps_b
     assert status == 3
     assert readings[:2] == [(1000, 1001, True), (1001, 1002, True)]
     assert [int(start) for start, _, _ in readings] == [1000, 1001, 3602, 3603, 2000, 2001]
-    errors = [line["error"] for line in lines if "error" in line]
+    errors = [line["error"] for line in lines if line["error"]]
     assert ["gap of 2600" in errors[0], "not increase" in errors[1], len(errors)] == [True, True, 2]
 
 
@@ -517,7 +517,7 @@ def test_a_reading_that_a_bad_row_shortens_gives_no_alarm(monitored):
     rows = measured(0, 2000)
     rows[1450] = "sensor,error,\n"
     _, lines, _ = monitored(rows, every="1.4")
-    assert [line["complete"] for line in lines if "error" not in line] == [True, False]
+    assert [line["complete"] for line in lines if not line["error"]] == [True, False]
     assert lines[-1]["alarms"] == []
 
 

@@ -92,4 +92,5 @@ def false_alarm_rate(
     """
     nodes = np.concatenate([(np.arange(n_nodes) + 0.5) / n_nodes, [0.05, 0.95]])
     rates = 1 / repeated_run_length(beta.ppf(nodes, count + 0.5, total - count + 0.5), needed, of)
+    rates = np.maximum(rates, 0.0)  # rounding errors of rare alarms
     return FalseAlarmRate(float(rates[:-2].mean()), float(rates[-2]), float(rates[-1]))

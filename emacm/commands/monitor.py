@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from io import FileIO, StringIO
@@ -18,8 +17,9 @@ import numpy as np
 
 from emacm._checks import located
 from emacm._saved import locked, written_whole
+from emacm.commands.stream_records import Record, StreamRecords
 from emacm.files.csv_files import text_table
-from emacm.files.file_columns import FileColumns, recording_arguments, time_of_sample
+from emacm.files.file_columns import FileColumns, recording_arguments, start_of, time_of_sample
 from emacm.files.layout import Layout
 from emacm.models.model_files import load_model
 from emacm.streams.order_monitor import OrderMonitor
@@ -27,11 +27,10 @@ from emacm.streams.packed_state import packed, unpacked
 from emacm.streams.streamed_models import Reading
 
 FAILED = 3  # exit status: rows were skipped
-_PRINTED = ("decision", "expected_cost", "typicality", "alarms", "outside_training", "complete")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print readings of a stream as JSON lines, and return the exit status.
+    """Print a record of each reading of a stream, and return the exit status.
 
     Returns
     -------
@@ -52,7 +51,8 @@ def run(options: argparse.Namespace) -> int:
         file = None
         if options.source != "-":
             file = stack.enter_context(closing(_GrowingFile(options.source, options.idle)))
-        return _Stream(model, layout, options, file).follow()
+        stream = stack.enter_context(closing(_Stream(model, layout, options, file)))
+        return stream.follow()
 
 
 class _GrowingFile:
@@ -159,7 +159,8 @@ class _Stream:
         self._head = state["head"].tobytes().splitlines(keepends=True) if state else self._peek()
         with located(options.source if file else "the standard input"):
             self._table = text_table(_texts(self._head))
-            arguments, _ = self._arguments(self._head[self._table.start :])
+            content = self._content(self._head[self._table.start :])
+            arguments = recording_arguments(content, layout)
         rates = arguments["fs"]
         self._fs = max(rates.values())
         if layout.fs is None:
@@ -169,24 +170,29 @@ class _Stream:
         chosen |= {"fs": rates, "shaft_fs": arguments["shaft_fs"], "channels": list(rates)}
         self._monitor = OrderMonitor(model, **chosen)
         self._at_once = max(2, round(block * self._fs))
+        has_dates = start_of(content, layout) is not None
+        self._records = StreamRecords(model, list(rates), has_dates, options)
         if state and file:
             with located(where):
                 self._restore(state, file)
+
+    def close(self) -> None:
+        """Close what records are written to."""
+        self._records.close()
 
     def follow(self) -> int:
         """Process all lines, and return the exit status."""
         for number, lines in enumerate(self._contents):
             if number > 0:
                 source = self._options.source
-                self._interrupt(f"{source} was emptied or replaced. It is read from its new start.")
                 self._offset, self._before = 0, b""
-                self._save()
+                self._interrupt(f"{source} was emptied or replaced. It is read from its new start.")
             rows = chain(self._rows_below_header(lines) if self._offset == 0 else [], lines)
             while block := list(islice(rows, self._at_once)):
                 self._process(block)
         self._save()
         is_whole = self._options.every is None and not self._n_failed and not self._options.state
-        self._print(self._monitor.flush(complete=is_whole))
+        self._records.write(self._records_of(self._monitor.flush(complete=is_whole)))
         return FAILED if self._n_failed else 0
 
     def _peek(self) -> list[bytes]:
@@ -217,23 +223,22 @@ class _Stream:
         self._offset += len(text)
         self._before = (self._before + text)[-n_compared:]
 
-    def _arguments(self, rows: Iterable[bytes], n_before: int = 0) -> tuple[dict[str, Any], Any]:
-        """Return the arguments of a recording, and the time of its row `n_before`, or None."""
+    def _content(self, rows: Iterable[bytes]) -> FileColumns:
         content = FileColumns()
         self._table.add_columns(content, StringIO(b"".join(rows).decode()))
-        content = content.without_units_in_names()
-        arguments = recording_arguments(content, self._layout)
-        return arguments, time_of_sample(content, self._layout, n_before)
+        return content.without_units_in_names()
 
     def _process(self, rows: list[bytes]) -> None:
-        """Print the readings that are complete with these rows, or why the rows are skipped."""
+        """Record the readings that are complete with these rows, or why the rows are skipped."""
         n_before = 1 if self._last else 0
         self._pass(rows)
         rows = [row for row in rows if row.strip()]
         if not rows:
             return
         try:
-            arguments, start = self._arguments([self._last, *rows], n_before)
+            content = self._content([self._last, *rows])
+            arguments = recording_arguments(content, self._layout)
+            start = time_of_sample(content, self._layout, n_before)
             if start is not None and n_before:
                 self._ahead = start - self._monitor.time
             elif start is not None:
@@ -243,34 +248,39 @@ class _Stream:
             shaft = np.broadcast_to(arguments[kind], len(rows) + n_before)[n_before:]
             options: dict[str, Any] = {kind: shaft, "time": self._resumed}
             readings = self._monitor.push(signals, **options)
-            self._print(readings)
-            self._last, self._resumed = rows[-1], None
-            if readings:
-                self._save()
         except (TypeError, ValueError) as error:
             self._n_failed += 1
             self._interrupt(str(error), len(rows))
-            self._save()
+            return
+        self._last, self._resumed = rows[-1], None
+        self._save_and_write(self._records_of(readings))
 
     def _interrupt(self, error: str, n_skipped: int = 0) -> None:
         """State an error; the reading up to it ends, and another one begins."""
         ended = self._monitor.time + self._ahead if self._resumed is None else self._resumed
-        self._resumed = ended + n_skipped / self._fs
         try:
-            self._print(self._monitor.flush(complete=False))
+            readings = self._monitor.flush(complete=False)
         except ValueError:
             self._monitor.reset()
+            readings = []
+        records = self._records_of(readings)
+        self._resumed = ended + n_skipped / self._fs
         self._last, self._ahead = b"", 0.0
         text = " ".join(error.split())
         if n_skipped:
             text += f" The {n_skipped} rows after {ended:.9g} s are skipped."
-        _write({"time": ended, "error": text})
+        records.append(self._records.of_error(text, ended, self._resumed, self._before))
+        self._save_and_write(records)
 
-    def _print(self, readings: list[Reading]) -> None:
-        for reading in readings:
-            times = {name: getattr(reading, name) + self._ahead for name in ("start", "time")}
-            line = times | {name: getattr(reading, name) for name in _PRINTED}
-            _write(line | {"posterior": {str(k): p for k, p in reading.posterior.items()}})
+    def _records_of(self, readings: list[Reading]) -> list[Record]:
+        records = self._records
+        return [records.of_reading(reading, self._ahead, self._before) for reading in readings]
+
+    def _save_and_write(self, records: list[Record]) -> None:
+        """Write records, which are in the state before: if the process is killed, none is lost."""
+        if records:
+            self._save(records)
+            self._records.write(records)
 
     def _saved_state(self) -> dict[str, Any]:
         """Return what `_save` wrote; empty if there is nothing."""
@@ -289,19 +299,16 @@ class _Stream:
         if not goes_on and state["source"] != os.path.abspath(self._options.source):
             raise ValueError(f"it was written for another file, {state['source']}.")
         self._monitor.restore(state["monitor"].tobytes())
+        self._records.restore(state["records"].tobytes())
         self._last = state["last"].tobytes()
         self._resumed, self._ahead = state["resumed"], state["ahead"]
 
-    def _save(self) -> None:
-        """Write the state, so that the file is complete at any time.
-
-        It is written after readings: if the process is killed at any point, none is lost, and only
-        readings of the last block may be printed twice.
-        """
+    def _save(self, pending: Sequence[Record] = ()) -> None:
+        """Write the state, with records that are to be written next: a file that is never half."""
         if self._options.state is None:
             return
         texts = {"last": self._last, "before": self._before, "head": b"".join(self._head)}
-        texts["monitor"] = self._monitor.state()
+        texts |= {"monitor": self._monitor.state(), "records": self._records.state(pending)}
         state: dict[str, Any] = {k: np.frombuffer(text, np.uint8) for k, text in texts.items()}
         state |= {"offset": self._offset, "resumed": self._resumed, "ahead": self._ahead}
         state["source"] = os.path.abspath(self._options.source)
@@ -311,7 +318,3 @@ class _Stream:
 
 def _texts(lines: list[bytes]) -> list[str]:
     return [line.decode().rstrip("\r\n") for line in lines]
-
-
-def _write(line: dict[str, Any]) -> None:
-    print(json.dumps(line, default=str), flush=True)

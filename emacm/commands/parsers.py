@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from datetime import UTC, datetime
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -75,6 +76,28 @@ def _above_zero(text: str) -> float:
     if not number > 0:
         raise argparse.ArgumentTypeError(f"expected a number above 0, got {text!r}")
     return number
+
+
+def _count(text: str) -> int:
+    """Return a whole number of at least 1."""
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"expected a number of at least 1, got {text!r}")
+    return number
+
+
+def _share(text: str) -> tuple[int, int]:
+    """Return K and N of the text K/N."""
+    needed, _, of = text.partition("/")
+    if not (needed.isdecimal() and of.isdecimal() and 1 <= int(needed) <= int(of) <= 10):
+        raise argparse.ArgumentTypeError(f"expected K/N, 1 <= K <= N <= 10, got {text!r}")
+    return int(needed), int(of)
+
+
+def _time(text: str) -> datetime:
+    """Return a date with its time, in UTC if it has no zone."""
+    time = datetime.fromisoformat(text)
+    return time if time.tzinfo else time.replace(tzinfo=UTC)
 
 
 def _probability(text: str) -> float:
@@ -177,7 +200,7 @@ def _score(command: Add) -> None:
 def _monitor(command: Add) -> None:
     add = command(
         "monitor",
-        "apply a model to rows of numbers while they are measured; readings as JSON lines",
+        "apply a model to rows of numbers while they are measured; records as JSON lines",
         "0 if all rows were processed; 2 for invalid arguments, model or layout; 3 if rows were "
         "invalid and skipped (a line states why); 130 if it was interrupted.",
     )
@@ -197,6 +220,31 @@ def _monitor(command: Add) -> None:
     add("--state", type=Path, metavar="FILE", help=state)
     idle = "end when the file has not grown for so long [s]; default: never"
     add("--idle", type=float, default=float("inf"), metavar="SECONDS", help=idle)
+    add("--name", metavar="UNIT", help="the unit, or machine; default: name of FILE")
+    start = "time at which the first row was measured, if the rows have no dates; default zone: UTC"
+    add("--start", type=_time, metavar="TIME", help=start)
+    sink = (
+        "write records also to FILE.sqlite (history), influx:FILE, prometheus:FILE.prom, or "
+        "mqtt://[user@]host[:port]/topic, which needs a history; may be repeated"
+    )
+    add("--sink", action="append", default=[], metavar="SINK", help=sink)
+    _add_alarms(add)
+
+
+def _add_alarms(add: Add) -> None:
+    """Add when an alarm is raised and cleared."""
+    healthy = "decision that is no reason for an alarm; default: healthy or normal"
+    add("--healthy", metavar="LABEL", help=healthy)
+    accepted = "accepted false alarms in 1000 operating hours, from which the rest follows"
+    add("--false-alarms", type=_above_zero, default=1.0, metavar="N", help=accepted)
+    after = "raise an alarm after K of N readings; default: as --false-alarms needs, of 5"
+    add("--alarm-after", type=_share, metavar="K/N", help=after)
+    clear = "clear it after so many readings without a reason (default: 5)"
+    add("--clear-after", type=_count, default=5, metavar="M", help=clear)
+    slow = "no alarms while the shaft does not exceed this speed [rad/s]"
+    add("--min-speed", type=float, default=0.0, metavar="N", help=slow)
+    quiet = "and for so long after it does [s]"
+    add("--quiet", type=float, default=0.0, metavar="SECONDS", help=quiet)
 
 
 def _report(command: Add) -> None:

@@ -47,7 +47,8 @@ def alarm_setting(
     The healthy recordings of the training, each judged without its group, show how often a healthy
     reading is decided otherwise, or is so untypical. Of the rules, the one that needs the fewest
     readings is taken, and then the largest typicality. It is assumed that successive readings of a
-    healthy machine are independent; if they are not, there are fewer alarms, but each lasts longer.
+    healthy machine are independent. If they are not, there are more alarms of two or more readings:
+    up to 5 times as many at a correlation of 0.5 (``benchmarks/fleet.py``).
 
     Parameters
     ----------

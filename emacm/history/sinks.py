@@ -377,10 +377,10 @@ class MqttSink:
             elif identity and identity not in self._pending.values():
                 self._history.note_sent(self._url, identity)
         if self._behind and not self._pending:
-            kept = self._history.unsent(self._url)
-            for record in kept[: self._at_once]:
+            kept = self._history.unsent(self._url, self._at_once)
+            for record in kept:
                 self._publish(record)
-            self._behind = len(kept) > self._at_once
+            self._behind = len(kept) == self._at_once
 
     def _publish(self, record: Mapping[str, Any]) -> None:
         topics = [("alarms", alarm) for alarm in record["alarms"]] + [("records", record)]

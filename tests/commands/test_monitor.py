@@ -23,6 +23,8 @@ from emacm import (
 )
 from emacm.__main__ import main
 from emacm.commands import monitor as command
+from emacm.history.records import SCHEMA
+from emacm.history.sqlite_history import History
 
 pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
 LAYOUT = 'fs = 1000\nvelocity = "speed"\n[units]\nspeed = "rpm"\n'
@@ -47,10 +49,14 @@ def bench(tmp_path_factory):
         path.write_text("vib,speed\n" + "".join(rows_of(seed % 3 == 2, seed, 2000)))
         X.append(open_recording(path, Layout.from_toml(folder / "layout.toml")))
         y.append("worn" if seed % 3 == 2 else "ok")
-    bayes = CostSensitiveGaussianBayes({("ok", "worn"): 5}, covariance="diag", shrinkage=0.1)
+    costs = {("ok", "worn"): 5}
+    bayes = CostSensitiveGaussianBayes(
+        costs, covariance="diag", shrinkage=0.1, temperature="groups"
+    )
     resampler = OrderResampler(2 * np.pi / 24)
     model = make_pipeline(resampler, OrderPSD(4), BinTransformer(0.5, max_order=9), bayes)
-    save_model(model.fit(X, y), folder / "model.emacm")
+    model.fit(X, y, costsensitivegaussianbayes__groups=range(12))
+    save_model(model, folder / "model.emacm")
     (folder / "stream.csv").write_text("vib,speed\n" + "".join(rows_of(True, 20)))
     return folder
 
@@ -67,7 +73,19 @@ def run(*arguments, source="stream.csv"):
 
 
 def printed(capsys):
-    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    """Return the records that were printed, all of which are valid, without what the clock says."""
+    schema = pytest.importorskip("jsonschema", reason="jsonschema is not installed (extra 'test')")
+    records = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    for record in records:
+        schema.validate(record, SCHEMA)
+        if record["times"] == "clock":
+            del record["start"], record["end"]
+    return records
+
+
+def alarms_of(records):
+    changes = [change for record in records for change in record["alarms"]]
+    return [(change["kind"], change["state"], change["time"]) for change in changes]
 
 
 def test_a_file_gives_the_decision_and_cost_of_its_recording(here, capsys):
@@ -78,8 +96,8 @@ def test_a_file_gives_the_decision_and_cost_of_its_recording(here, capsys):
     assert reading["decision"] == model.predict([recording])[0] == "worn"
     cost = model[-1].risk(model[:-1].transform([recording])).min()
     assert reading["expected_cost"] == pytest.approx(cost)
-    assert (reading["start"], reading["time"]) == (0.0, 6.0)
-    assert reading["alarms"] == []
+    assert (reading["stream_start"], reading["stream_end"]) == (0.0, 6.0)
+    assert (reading["unit"], reading["recording"]) == ("stream", "stream.csv")
 
 
 def test_the_standard_input_gives_a_reading_for_each_interval(here, capsys, monkeypatch):
@@ -87,7 +105,7 @@ def test_the_standard_input_gives_a_reading_for_each_interval(here, capsys, monk
     monkeypatch.setattr("sys.stdin", text)
     assert run("--every", "1.5", "--unit", "s", source="-") == 0
     readings = printed(capsys)
-    assert [r["time"] for r in readings] == [1.5, 3.0, 4.5, 6.0]
+    assert [r["stream_end"] for r in readings] == [1.5, 3.0, 4.5, 6.0]
     assert {r["decision"] for r in readings} == {"worn"}
 
 
@@ -105,7 +123,7 @@ def test_a_file_that_grows_is_followed(here):
                 file.flush()
                 time.sleep(0.02)
                 file.write(text[-30:])
-        times = [json.loads(process.stdout.readline())["time"] for _ in range(3)]
+        times = [json.loads(process.stdout.readline())["stream_end"] for _ in range(3)]
         process.terminate()
     assert times == [2.0, 4.0, 6.0]
 
@@ -128,7 +146,7 @@ def test_an_interrupted_run_goes_on_from_its_state(here, capsys, monkeypatch):
         assert run("--idle", "0", "--every", "20", "--state", "here.state") == status
         found += printed(capsys)
     assert len(expected) > 3
-    assert found == expected
+    assert list({record["id"]: record for record in found}.values()) == expected
 
 
 @pytest.mark.parametrize(
@@ -141,13 +159,13 @@ def test_invalid_rows_are_reported_with_their_time_and_skipped(here, capsys, row
     (here / "bad.csv").write_text("vib,speed\n" + "".join(rows))
     assert run("--idle", "0", source="bad.csv") == 3
     lines = printed(capsys)
-    errors = [line for line in lines if "error" in line]
+    errors = [line for line in lines if line["error"]]
     assert re.search("at 2.345.* above max_speed = 100", errors[0]["error"])
     assert message in errors[1]["error"]
     assert errors[0]["error"].endswith("The 100 rows after 2.3 s are skipped.")
-    readings = [line for line in lines if "decision" in line]
+    readings = [line for line in lines if line["decision"]]
     assert [line["decision"] for line in readings] == ["worn"] * 3
-    intervals = [(line["start"], line["time"]) for line in readings]
+    intervals = [(line["stream_start"], line["stream_end"]) for line in readings]
     np.testing.assert_allclose(intervals, [(0, 2.3), (2.4, 4.2), (4.3, 6.0)])
 
 
@@ -159,7 +177,7 @@ def test_blank_lines_are_no_rows(here, capsys):
     readings = []
     for source in ("blank.csv", "stream.csv"):
         assert run("--idle", "0", "--every", "20", source=source) == 0
-        readings.append(printed(capsys))
+        readings.append([(r["stream_end"], r["typicality"]) for r in printed(capsys)])
     assert readings[0] == readings[1]
 
 
@@ -213,3 +231,64 @@ def test_the_state_is_written_after_each_reading_and_not_with_each_block(here, c
     run("--idle", "0", "--every", "1.5", "--unit", "s", "--state", "seldom.state")
     assert len(printed(capsys)) == 4
     assert len(written) == 4 + 1  # the readings, the end
+
+
+ALARMS = ("--healthy", "ok", "--every", "1", "--unit", "s", "--start", "2026-03-01T10:00+01:00")
+RULE = ("--alarm-after", "2/3", "--clear-after", "2")
+
+
+def at(second):
+    return f"2026-03-01T09:00:{second:02}.000Z"
+
+
+def test_an_alarm_is_told_when_it_is_raised_and_when_it_is_cleared(here, capsys):
+    rows = [*rows_of(False, 40), *rows_of(True, 41), *rows_of(False, 42)]
+    (here / "worn.csv").write_text("vib,speed\n" + "".join(rows))
+    options = ("--idle", "0", "--name", "pump 3", "--sink", "worn.sqlite", *ALARMS, *RULE)
+    assert run(*options, source="worn.csv") == 0
+    records = printed(capsys)
+    assert {(record["unit"], record["times"]) for record in records} == {("pump 3", "stated")}
+    changes = [("decision", "raised", at(8)), ("decision", "cleared", at(14))]
+    assert alarms_of(records) == changes
+    history = History("worn.sqlite")
+    assert history.records("pump 3") == [*records]
+    (alarm,) = history.alarms()
+    assert (alarm["state"], alarm["since"], alarm["time"]) == ("cleared", at(8), at(14))
+
+
+@pytest.mark.parametrize("option", [("--min-speed", "95"), ("--quiet", "30")])
+def test_there_are_no_alarms_of_a_slow_shaft_and_just_after_its_start(here, capsys, option):
+    assert run("--idle", "0", *ALARMS, *RULE, *option) == 0
+    records = printed(capsys)
+    assert {record["decision"] for record in records} == {"worn"}
+    assert alarms_of(records) == []
+
+
+def test_false_alarms_are_stated_for_the_groups_of_the_training(here, capsys):
+    assert run("--idle", "0", *ALARMS, "--false-alarms", "1000") == 0
+    stated = capsys.readouterr().err
+    assert re.search(r"raised by \d of 5 readings that are not ok.* in 1000 h \(", stated)
+
+
+@pytest.mark.slow
+def test_a_killed_run_loses_no_record_and_no_change_of_an_alarm(here, capsys):
+    rows = [*rows_of(False, 40), *rows_of(True, 41), *rows_of(False, 42)]
+    (here / "killed.csv").write_text("vib,speed\n" + "".join(rows))
+    options = [*ALARMS, *RULE, "--every", "0.1", "--sink", "killed.sqlite", "--state", "k.state"]
+    arguments = ["--layout", "layout.toml", "--max-speed", "100", "--idle", "0", *options]
+    command = [sys.executable, "-m", "emacm", "monitor", "model.emacm", "killed.csv", *arguments]
+    pauses = np.random.default_rng(0).uniform(0, 0.03, 10)
+    lines = []
+    for pause in [*pauses, None]:  # killed at 10 places after its first record, and then not
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            if pause is not None:
+                lines.append(process.stdout.readline())
+                time.sleep(pause)
+                process.kill()
+            lines += process.stdout.readlines()
+    seen = {record["id"]: record for record in map(json.loads, filter(str.strip, lines))}
+    run("--idle", "0", *ALARMS, *RULE, "--every", "0.1", source="killed.csv")
+    expected = {record["id"]: record for record in printed(capsys) if record["complete"]}
+    assert len(expected) == 180
+    assert {key: record for key, record in seen.items() if record["complete"]} == expected
+    assert {record["id"]: record for record in History("killed.sqlite").records()} == seen

@@ -1,0 +1,185 @@
+"""The records of a stream: of each reading, with the states of alarms, written to all sinks."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Sequence
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from emacm.decisions.model_digest import model_digest
+from emacm.history.alarm_states import AlarmStates, reasons_of
+from emacm.history.false_alarms import AlarmSetting, alarm_setting
+from emacm.history.records import identity, record_of
+from emacm.history.sinks import JsonLines, sinks_of
+from emacm.models.model_files import describe_model
+from emacm.recordings.names import printable
+from emacm.reports.facts import healthy_label
+from emacm.streams.streamed_models import Reading
+
+Record = dict[str, Any]
+_SAME = ("decision", "expected_cost", "typicality", "complete", "error")
+
+
+class StreamRecords:
+    """Makes a record of each reading, and writes it to the standard output and the sinks.
+
+    Parameters
+    ----------
+    model : estimator
+        The model.
+    channels : sequence of str
+        Channels of the stream.
+    has_dates : bool
+        Whether the times of the stream are dates, in seconds since 1970.
+    options : Namespace
+        Options of ``emacm monitor``.
+    """
+
+    def __init__(
+        self, model: Any, channels: Sequence[str], has_dates: bool, options: argparse.Namespace
+    ) -> None:
+        self._options, self._channels, self._has_dates = options, channels, has_dates
+        source = options.source
+        unit = options.name or ("" if source == "-" else Path(source).stem)
+        self._same = {"unit": unit, "recording": printable(Path(source))}
+        self._same["model_note"] = describe_model(options.model)["note"] or ""
+        self._same["model"] = model_digest(model)
+        stated = options.healthy or getattr(model, "healthy_", None)
+        labels = model.classes_.tolist()
+        self._healthy = healthy_label(labels, stated, "--healthy", required=False)
+        self._setting = self._alarm_setting(model)
+        self._alarms = AlarmStates(unit, self._setting.rule)
+        self._turns_since: float | None = None  # time of the stream [s]
+        self._sinks = [JsonLines(), *sinks_of(options.sink)]
+
+    def _alarm_setting(self, model: Any) -> AlarmSetting:
+        """Return the setting for the accepted false alarms, and state it."""
+        options = self._options
+        length = options.every or math.inf
+        if options.unit == "revolutions":
+            length *= 2 * math.pi / options.max_speed  # the shortest time that they take [s]
+        hours = length / 3600
+        needed, of = options.alarm_after or (None, 5)
+        chosen = alarm_setting(
+            model,
+            self._healthy,
+            options.false_alarms * hours / 1000,
+            needed=needed,
+            of=of,
+            quiet=options.clear_after,
+        )
+        print(f"Alarms: {_setting_text(chosen, self._healthy, hours)}.", file=sys.stderr)
+        return chosen
+
+    def of_reading(self, reading: Reading, ahead: float, content: bytes) -> Record:
+        """Return the record of a reading.
+
+        Parameters
+        ----------
+        reading : Reading
+            The reading.
+        ahead : float
+            What is to be added to its times, for those of the stream [s].
+        content : bytes
+            What was read last: another stream of the same times has other identities.
+        """
+        found = {name: getattr(reading, name) for name in _SAME}
+        found |= {f"P({label})": value for label, value in reading.posterior.items()}
+        outside = reading.outside_training
+        found["outside_training"] = "; ".join(outside)
+        found["warnings"] = "; ".join(text for text in reading.defects if text not in outside)
+        record = self._record(found, reading.start + ahead, reading.time + ahead, content)
+        if reading.complete and not self._is_silent(reading):
+            charts = [text for text in reading.alarms if text.startswith(("EWMA of", "CUSUM of"))]
+            known = [record["decision"]] if self._healthy is None else [str(self._healthy)]
+            reasons = reasons_of(
+                record,
+                [*reading.defects, *charts],
+                healthy=known,
+                typicality=self._setting.typicality,
+                channels=self._channels,
+            )
+            record["alarms"] = self._alarms.update(reasons, record["end"])
+        return record
+
+    def of_error(self, error: str, start: float, end: float, content: bytes) -> Record:
+        """Return the record of rows that are skipped."""
+        found = {"error": error, "decision": None, "complete": False}
+        return self._record(found, start, end, content)
+
+    def _record(self, found: Record, start: float, end: float, content: bytes) -> Record:
+        options, now = self._options, pd.Timestamp.now("UTC")
+        if self._has_dates or options.start:
+            origin = pd.Timestamp(0, tz="UTC") if self._has_dates else pd.Timestamp(options.start)
+            times = "file" if self._has_dates else "stated"
+            began, ended = (origin + pd.Timedelta(seconds=time) for time in (start, end))
+        else:
+            times, began, ended = "clock", now - pd.Timedelta(seconds=end - start), now
+        found |= {"start": began, "end": ended, "stream_start": start, "stream_end": end}
+        parts = [*self._same.values(), start, end, sha256(content).hexdigest(), found["error"]]
+        return record_of(found, times=times, id=identity(parts), **self._same)
+
+    def _is_silent(self, reading: Reading) -> bool:
+        """Tell whether the shaft turns too slowly, or has not turned for long enough."""
+        least = self._options.min_speed
+        if least > 0 and not reading.fastest >= least:  # also if it is not known
+            self._turns_since = None
+            return True
+        if self._turns_since is None:
+            self._turns_since = reading.start
+        return reading.start - self._turns_since < self._options.quiet
+
+    def write(self, records: Sequence[Record]) -> None:
+        """Write records to the standard output and to all sinks."""
+        for record in records:
+            for sink in self._sinks:
+                sink.write(record)
+
+    def close(self) -> None:
+        """Close the sinks."""
+        for sink in self._sinks:
+            sink.close()
+
+    def state(self, pending: Sequence[Record] = ()) -> bytes:
+        """Return what `restore` needs, with records that are not written yet."""
+        state = {"alarms": self._alarms.state(), "turns_since": self._turns_since}
+        return json.dumps(state | {"pending": pending}).encode()
+
+    def restore(self, state: bytes) -> None:
+        """Continue from a state, and write what was pending.
+
+        If the process was killed between writing the state and the records, they are written now;
+        if it was killed later, they are written again, with the same identities.
+        """
+        found = json.loads(state)
+        self._alarms.restore(found["alarms"])
+        self._turns_since = found["turns_since"]
+        self.write(found["pending"])
+
+
+def _setting_text(chosen: AlarmSetting, healthy: Any, hours: float) -> str:
+    """State a setting in words."""
+    if healthy is None:
+        return "none on decisions, as the healthy state is not known; give --healthy LABEL"
+    rule, least = chosen.rule, chosen.typicality
+    untypical = f", or have a typicality of at most {least:.2g}," if least else ""
+    text = (
+        f"raised by {rule.needed} of {rule.of} readings that are not {healthy}{untypical} and "
+        f"cleared by {rule.quiet} others; "
+    )
+    if chosen.rate is None:
+        return text + "false alarms are not known, as the model left no groups out"
+    if not math.isfinite(hours):
+        return text + "false alarms are not known, as readings have no length (--every)"
+    expected, low, high = (rate / hours * 1000 for rate in chosen.rate)
+    return text + (
+        f"{expected:.2g} false alarms in 1000 h ({low:.2g} to {high:.2g}, as {chosen.n_groups} "
+        f"healthy groups of the training tell, if successive readings are independent)"
+    )
