@@ -114,7 +114,7 @@ def angle_from_vibration(
     the rank of the power in the spectrum, in frames of 4 s or 1.4 s, which are warped by several
     rates of change. The most likely speed over time with a bounded rate of change is found by the
     Viterbi algorithm. It is compared with all other speeds, in particular its multiples and
-    fractions [2]_: a second is reliable only if its log likelihood ratio to *every* other speed is
+    fractions: a second is reliable only if its log likelihood ratio to *every* other speed is
     at least 4 (10 in the shorter frames), the speed is not at an end of `speeds`, and the lines
     keep their level and phase in all parts of it, once they are demodulated. The phases of the
     clear orders that agree on one speed refine it; beside the sidebands of a bearing frequency,
@@ -165,8 +165,6 @@ def angle_from_vibration(
     ----------
     .. [1] Leclère, André and Antoni, A multi-order probabilistic approach for instantaneous
        angular speed tracking, Mech. Syst. Signal Process. 81 (2016).
-    .. [2] ARC: alignment-based RPM estimation with curvature-adaptive tracking,
-       arXiv:2603.29354 (2026).
 
     Examples
     --------

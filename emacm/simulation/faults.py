@@ -293,4 +293,4 @@ def healthy_lines(
 
 def _every(n_samples: int, step: int) -> NDArray[np.intp]:
     """Return every `step`-th sample and the last."""
-    return np.unique(np.append(np.arange(0, n_samples, step), n_samples - 1))
+    return np.append(np.arange(0, n_samples - 1, step), n_samples - 1)

@@ -150,14 +150,18 @@ def phase_currents(unit: Unit, torque: Array, angle: Array) -> Array:
     length = torque / unit.actuator.torque_constant
     # Fundamental and 7th harmonic pass the phases in the order a, b, c, the others a, c, b.
     fifth, seventh = ASSUMED.dead_time
-    terms = ((1, 1.0, 1), (7, seventh, 1), (1, _mismatch(unit), -1), (5, fifth, -1))
-    return -length * sum(size * np.sin(_of_phases(n, angle, way)) for n, size, way in terms)
+    electrical, mismatch, quarter = POLE_PAIRS * angle, _mismatch(unit), np.pi / 2
+    alpha = sines(electrical, (1, 1 + mismatch, 0), (7, seventh, 0), (5, fifth, 0))
+    beta = sines(
+        electrical, (1, mismatch - 1, quarter), (7, -seventh, quarter), (5, fifth, quarter)
+    )
+    return -length * _phases(alpha, beta)
 
 
-def _of_phases(harmonic: int, angle: Array, way: int) -> Array:
-    """Return the electrical angle of each phase; `way` is -1 for the order a, c, b."""
-    turns = 2 * np.pi / 3 * np.arange(3)
-    return harmonic * POLE_PAIRS * angle - way * turns[:, np.newaxis]
+def _phases(alpha: Array, beta: Array) -> Array:
+    """Return the three phases of a vector with the given components along and across phase a."""
+    turns = 2 * np.pi / 3 * np.arange(3)[:, np.newaxis]
+    return np.cos(turns) * alpha + np.sin(turns) * beta
 
 
 def carrier_ripple(torques: Torques, times: Array, phase: float, actuator: Actuator) -> Array:
@@ -199,7 +203,8 @@ def carrier_ripple(torques: Torques, times: Array, phase: float, actuator: Actua
     reactance = 2 * np.pi * ASSUMED.carrier * actuator.winding_inductance
     size = 4 * link / np.pi / reactance * bessel
     size *= np.sin(2 * np.pi * ASSUMED.carrier * times + phase)
-    return size * np.cos(_of_phases(2, torques.angle, -1))
+    twice = 2 * POLE_PAIRS * torques.angle
+    return _phases(size * np.cos(twice), -size * np.sin(twice))  # in the order a, c, b
 
 
 def _mismatch(unit: Unit) -> float:

@@ -451,7 +451,8 @@ def normalized_moment(signal: Array, order: int) -> float:
 
     References
     ----------
-    .. [1] Martin, Statistical moment analysis as a surface damage indicator, AGARD CP-448 (1989).
+    .. [1] Martin, Statistical moment analysis as a means of surface damage detection, Proc. 7th
+       International Modal Analysis Conference (IMAC), pp. 1016-1021 (1989).
 
     Examples
     --------
