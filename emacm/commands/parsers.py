@@ -19,7 +19,8 @@ def add_parsers(commands: Any) -> None:
     commands : action of `argparse`
         The subcommands.
     """
-    for add_options in (_example, _inspect, _find, _train, _score, _monitor, _report, _trend):
+    methods = (_example, _inspect, _find, _train, _score, _monitor, _alarms, _report, _trend)
+    for add_options in (*methods, _schema):
         add_options(partial(_command, commands))
 
 
@@ -245,6 +246,31 @@ def _add_alarms(add: Add) -> None:
     add("--min-speed", type=float, default=0.0, metavar="N", help=slow)
     quiet = "and for so long after it does [s]"
     add("--quiet", type=float, default=0.0, metavar="SECONDS", help=quiet)
+
+
+def _alarms(command: Add) -> None:
+    add = command(
+        "alarms",
+        "list the open alarms of a history, after acknowledging or suppressing one",
+        "0; 1 if an alarm is raised that is not acknowledged or suppressed; 2 for invalid "
+        "arguments.",
+        _check_name,
+    )
+    add("history", metavar="HISTORY", type=_existing, help="file of --sink FILE.sqlite")
+    add("--all", action="store_true", help="list also those that are cleared")
+    add("--ack", metavar="ID", help="state that somebody takes care of this alarm")
+    suppress = "state that this alarm is to be ignored until it is cleared"
+    add("--suppress", metavar="ID", help=suppress)
+    add("--by", metavar="NAME", help="who does")
+
+
+def _check_name(options: argparse.Namespace) -> None:
+    if (options.ack or options.suppress) and not options.by:
+        raise ValueError("--ack and --suppress need --by NAME: state who decided this.")
+
+
+def _schema(command: Add) -> None:
+    command("schema", "print the JSON Schema of the records of score and monitor")
 
 
 def _report(command: Add) -> None:

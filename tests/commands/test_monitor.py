@@ -292,3 +292,25 @@ def test_a_killed_run_loses_no_record_and_no_change_of_an_alarm(here, capsys):
     assert len(expected) == 180
     assert {key: record for key, record in seen.items() if record["complete"]} == expected
     assert {record["id"]: record for record in History("killed.sqlite").records()} == seen
+
+
+def test_an_alarm_is_acknowledged_by_a_person_and_stays_so(here, capsys):
+    options = ("--idle", "0", "--sink", "known.sqlite", *ALARMS, *RULE)
+    run(*options)
+    capsys.readouterr()
+    assert main(["alarms", "known.sqlite"]) == 1
+    (alarm,) = History("known.sqlite").alarms()
+    assert re.search("decision +alarm +raised", capsys.readouterr().out)
+    acknowledge = ["alarms", "known.sqlite", "--ack", alarm["id"]]
+    assert main(acknowledge) == 2
+    assert main([*acknowledge, "--by", "Ada"]) == 0
+    run(*options)  # the same records again
+    (alarm,) = History("known.sqlite").alarms()
+    assert (alarm["state"], alarm["by"]) == ("acknowledged", "Ada")
+    assert main(["alarms", "known.sqlite", "--suppress", "0f", "--by", "Ada"]) == 2
+    assert "no open alarm '0f'" in capsys.readouterr().err
+
+
+def test_the_schema_is_printed(capsys):
+    assert main(["schema"]) == 0
+    assert json.loads(capsys.readouterr().out) == SCHEMA
