@@ -288,9 +288,9 @@ def scored(plant, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path / "new")
     batches, original = [], score.scored_rows
 
-    def spy(model, sources, names, n_jobs):
+    def spy(model, sources, names, n_jobs, **options):
         batches.append(names)
-        return original(model, sources, names, n_jobs)
+        return original(model, sources, names, n_jobs, **options)
 
     def run(*arguments):
         batches.clear()
@@ -383,7 +383,7 @@ def test_pages_that_were_written_before_a_kill_are_kept(scored, monkeypatch):
 def test_a_full_disk_is_named_with_the_table_or_the_page_and_nothing_is_left(scored, tmp_path):
     pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
     measure("a.csv", "b.csv")
-    for n_bytes, rows in ((50, None), (120, 0), (300, 1)):
+    for n_bytes, rows in ((50, None), (250, 0), (700, 1)):
         with full_disk(n_bytes):
             status, err, _ = scored(".", "--out", "../rows.csv", "--jobs", "1")
         assert (status, "rows.csv" in err) == (2, True)

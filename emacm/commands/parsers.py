@@ -180,7 +180,10 @@ def _score(command: Add) -> None:
     )
     add("model", metavar="MODEL", type=_existing, help="file of emacm.save_model")
     _add_files(add)
-    table = "table (.csv, .jsonl or .parquet), which is continued; default: CSV on standard output"
+    table = (
+        "table (.csv, .jsonl, .parquet) or history (.sqlite), which is continued; default: CSV on "
+        "standard output"
+    )
     add("--out", type=_writable, metavar="FILE", help=table)
     add("--jobs", type=int, default=1, metavar="N", help="files in parallel")
     add("--cost", type=_existing, metavar="CSV", help="costs: rows are decisions, columns truths")

@@ -74,7 +74,7 @@ class FileReports:
         at_once : int
             Number of pages between two writes.
         """
-        missing = self._reports.missing(rows["recording"].tolist(), rows["digest"].tolist())
+        missing = self._reports.missing(rows["recording"].tolist(), rows["id"].tolist())
         wanted = np.flatnonzero(rows["is_new"].to_numpy() | missing)
         at_once = len(rows) if self._reports.is_file else at_once
         for first in range(0, len(wanted), at_once):
@@ -82,7 +82,7 @@ class FileReports:
             others = rows.drop(part.index)
             history = others.assign(recording=others["path"]) if self._unit else None
             pages = self._pages(part["path"].tolist(), history)
-            for page, digest in zip(pages, part["digest"], strict=True):
+            for page, digest in zip(pages, part["id"], strict=True):
                 page.digest = digest
             known = zip(others["recording"], others["decision"], strict=True)
             self._reports.write(pages, [Page(name, str(made), "state") for name, made in known])

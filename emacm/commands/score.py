@@ -3,151 +3,32 @@
 from __future__ import annotations
 
 import argparse
-import io
-import json
-import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from joblib import effective_n_jobs
 
-from emacm._saved import locked, written_whole
+from emacm._saved import locked
 from emacm.commands.paths import expanded
+from emacm.commands.result_tables import Row, columns_of, lines_of, result_table
 from emacm.conditions.router import ConditionRouter
+from emacm.decisions.model_digest import model_digest
 from emacm.decisions.pipelines import final_estimator
-from emacm.files.folder import open_recording
+from emacm.files.folder import FileRecording, open_recording
 from emacm.files.layout import Layout
-from emacm.models.model_files import load_model
-from emacm.models.scoring import check_model, score_columns, scored_rows
+from emacm.history.records import identity, record_of
+from emacm.models.model_files import describe_model, load_model
+from emacm.models.scoring import check_model, scored_rows
 from emacm.recordings.digests import digest_of_file
 from emacm.recordings.names import printable
 from emacm.reports.facts import decisions_of
-from emacm.reports.inputs import as_cell, of_cell
-
-Row = dict[str, Any]
-
-
-class ResultTable:
-    """Rows in a file, each written as soon as it is known.
-
-    A parquet file cannot be appended to: until `finish`, its rows are in a text file in the same
-    folder, whose name ends with ".jsonl".
-
-    Parameters
-    ----------
-    path : Path
-        A file that ends with .csv, .jsonl or .parquet.
-    columns : sequence of str
-        Columns, in this order.
-
-    Raises
-    ------
-    ValueError
-        If the name of the file has another suffix.
-    """
-
-    def __init__(self, path: Path, columns: Sequence[str]) -> None:
-        if path.suffix not in (".csv", ".jsonl", ".parquet"):
-            raise ValueError(f"{str(path)!r} must end with one of .csv, .jsonl, .parquet.")
-        self.path, self.columns = path.resolve(), list(columns)
-        self._parquet = path.suffix == ".parquet"
-        self._written = Path(f"{self.path}.jsonl") if self._parquet else self.path
-        self._as_json = self._written.suffix == ".jsonl"
-
-    def read(self) -> list[Row]:
-        """Return the rows that were written before; an incomplete last row is left out.
-
-        Raises
-        ------
-        ValueError
-            If the file is not a table of such results.
-        """
-        path = self._written if self._written.exists() else self.path
-        if not path.exists() or not path.stat().st_size:
-            return []
-        try:
-            return _rows_of(self._frame(path), self.columns)
-        except (ValueError, TypeError, AttributeError) as error:
-            raise ValueError(
-                f"{path} is no table of these results: {error}. Choose another file for --out, or "
-                f"delete it."
-            ) from error
-
-    def _frame(self, path: Path) -> pd.DataFrame:
-        if path.suffix == ".parquet":
-            return pd.read_parquet(path)
-        text = path.read_bytes().decode("utf-8")  # line ends within names are kept
-        complete = text[: text.rfind("\n") + 1]
-        if not self._as_json:
-            return pd.read_csv(io.StringIO(complete), dtype=str, keep_default_na=False).map(of_cell)
-        return pd.DataFrame(map(json.loads, complete.split("\n")[:-1]))
-
-    def write(self, rows: Sequence[Row]) -> None:
-        """Write these rows in place of all others."""
-        with written_whole(self._written) as unfinished:
-            unfinished.write_bytes(self._content(rows, heading=True))
-
-    def append(self, row: Row) -> None:
-        """Write one row to the disk; all of it, or nothing with an error."""
-        size = self._written.stat().st_size
-        try:
-            with open(self._written, "ab") as file:
-                file.write(self._content([row]))
-        except OSError as error:
-            os.truncate(self._written, size)
-            error.filename = str(self._written)
-            raise
-
-    def _content(self, rows: Sequence[Row], *, heading: bool = False) -> bytes:
-        text = lines_of(rows, self.columns, as_json=self._as_json, heading=heading)
-        return text.encode("utf-8", "backslashreplace")
-
-    def finish(self, rows: Sequence[Row]) -> None:
-        """Write these rows in place of all others, in the type of the file."""
-        self.write(rows)
-        if self._parquet:
-            with written_whole(self.path) as unfinished:
-                pd.DataFrame(rows, columns=self.columns).to_parquet(unfinished, index=False)
-            self._written.unlink()
-
-
-def lines_of(
-    rows: Sequence[Row], columns: Sequence[str], *, as_json: bool = False, heading: bool = False
-) -> str:
-    """Return rows as lines of JSON or CSV; numbers so that they are read back exactly."""
-    table = [{name: _plain(row.get(name)) for name in columns} for row in rows]
-    if as_json:
-        return "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in table)
-    cells = [[*map(as_cell, row.values())] for row in table]
-    frame = pd.DataFrame(cells, columns=columns, dtype=object)
-    return frame.to_csv(index=False, header=heading, lineterminator="\n")
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not np.isfinite(value):
-        return None if np.isnan(value) else str(value)
-    return value if value is None or isinstance(value, str | int | float) else str(value)
-
-
-def _rows_of(frame: pd.DataFrame, columns: list[str]) -> list[Row]:
-    if list(frame.columns) != columns:
-        raise ValueError(f"it has other columns, {list(frame.columns)} instead of {columns}")
-    numbers = [n for n in columns if n in ("expected_cost", "typicality") or n.startswith("P(")]
-    frame[numbers] = frame[numbers].where(frame[numbers] != "").astype(object).astype(float)
-    texts = [name for name in columns if name not in numbers]
-    frame[texts] = frame[texts].astype(object).where(frame[texts].notna(), "")
-    return frame.to_dict("records")
-
 
 ALARM, FAILED = 1, 3  # exit status: a decision of --fail-on; files without a decision
 
@@ -186,9 +67,11 @@ class _Work:
         costs = options.cost.read_text(encoding="utf-8") if options.cost else None
         settings = (digest_of_file(options.model), layout.key, repr(layout.meta), costs)
         self._settings_digest = sha256(repr((*settings, options.priors)).encode()).hexdigest()
-        self._columns = columns = [*score_columns(model), "digest"]
+        self._same = {"model": model_digest(model)}
+        self._same["model_note"] = describe_model(options.model)["note"] or ""
+        self._columns = columns_of(model)
         self._reported = time.monotonic()
-        self._table = None if options.out is None else ResultTable(options.out, columns)
+        self._table = None if options.out is None else result_table(options.out, model)
         self._done: dict[tuple[str, str], Row] = {}
         self._reports: Any = None
         if options.report is not None:
@@ -196,11 +79,11 @@ class _Work:
 
             self._reports = FileReports(options, layout, options.report)
         if self._table is None:
-            print(lines_of([], columns, heading=True), end="")
+            print(lines_of([], self._columns, heading=True), end="")
         else:
             for row in self._table.read():
                 if not row["error"]:  # files that failed are tried again
-                    self._done[row["recording"], "" if options.again else row["digest"]] = row
+                    self._done[row["recording"], "" if options.again else row["id"]] = row
 
     def once(self) -> list[Row]:
         """Decide on the files that are new, and return all rows."""
@@ -210,8 +93,8 @@ class _Work:
         rows = self._rows(paths)
         names = {row["recording"] for row in rows}
         others = [row for row in self._done.values() if row["recording"] not in names]
-        is_new = [(row["recording"], row["digest"]) not in self._done for row in rows]
-        self._done = {(row["recording"], row["digest"]): row for row in [*rows, *others]}
+        is_new = [(row["recording"], row["id"]) not in self._done for row in rows]
+        self._done = {(row["recording"], row["id"]): row for row in [*rows, *others]}
         if self._table is not None:
             self._table.finish([*rows, *others])
         if self._reports is not None and rows:
@@ -228,14 +111,13 @@ class _Work:
             if is_settled and path.resolve() != table:
                 yield path
 
-    def _digest(self, path: Path) -> str:
-        """Return the digest of a file and of the settings; "" for a file that is not there."""
+    def _identity(self, path: Path) -> str:
+        """Return the identity of name, content and settings; "" for a file that is not there."""
         try:
             digests = map(digest_of_file, self._layout.files_of(path))
-            text = "".join([self._settings_digest, *digests])
+            return identity([self._settings_digest, printable(path), *digests])
         except (OSError, ValueError):
             return ""
-        return sha256(text.encode()).hexdigest()[:32]
 
     def _rows(self, paths: Sequence[Path], most: int = 32, quick: float = 1.0) -> list[Row]:
         """Return the rows of files in order; those of new ones are written batch by batch.
@@ -247,8 +129,8 @@ class _Work:
         new: list[tuple[Path, Row]] = []
         at_once = effective_n_jobs(self._options.jobs)
         for number, path in enumerate(paths, 1):
-            key = printable(path), self._digest(path)
-            rows.append(self._done.get(key) or {"recording": key[0], "digest": key[1]})
+            key = printable(path), self._identity(path)
+            rows.append(self._done.get(key) or {"recording": key[0], "id": key[1]})
             if key not in self._done:
                 new.append((path, rows[-1]))
             if len(new) >= at_once or number == len(paths):
@@ -264,19 +146,39 @@ class _Work:
         """Fill the rows of new files, and write them."""
         sources = [partial(open_recording, path, self._layout) for path, _ in new]
         names = [row["recording"] for _, row in new]
-        scored = scored_rows(self._model, sources, names, self._options.jobs)
-        for (_, row), found in zip(new, scored, strict=True):
-            row.update({k: "" if v is None else v for k, v in found.items()})
+        with_times = partial(_times, key=self._options.time)
+        scored = scored_rows(self._model, sources, names, self._options.jobs, facts=with_times)
+        for (path, row), found in zip(new, scored, strict=True):
+            row.update(record_of(found, unit=self._unit_of(path), id=row["id"], **self._same))
             if self._table is not None:
                 self._table.append(row)
             else:
                 print(lines_of([row], self._columns), end="", flush=True)
+
+    def _unit_of(self, path: Path) -> str:
+        """Return the unit that the meta of a file names; "" if it does not."""
+        with suppress(ValueError):  # of a name that does not match; its row states why
+            return str(self._layout.meta_of(path).get(self._options.unit or "unit", ""))
+        return ""
 
     def _report(self, done: int, total: int, every: float = 5.0) -> None:
         """Report the progress, at most once in some seconds."""
         if time.monotonic() - self._reported > every:
             self._reported = time.monotonic()
             print(f"{done} of {total} files", file=sys.stderr)
+
+
+def _times(recording: FileRecording, key: str | None) -> Row:
+    """Return when a recording started and ended, and from where this is known."""
+    start: Any = None if key is None else pd.to_datetime(recording.meta.get(key), errors="coerce")
+    times = "stated"
+    if start is None or pd.isna(start):
+        start, times = recording.start, "file"
+    length = pd.Timedelta(seconds=recording.duration)
+    if start is None:
+        written = pd.Timestamp(Path(recording.path).stat().st_mtime, unit="s")
+        start, times = written - length, "modified"
+    return {"start": start, "end": start + length, "times": times}
 
 
 def set_costs(model: Any, cost: Path | None, priors: str | None) -> None:

@@ -30,7 +30,6 @@ WITH RECURSIVE units(unit) AS (
 )
 SELECT (SELECT record FROM records WHERE unit = units.unit ORDER BY "end" DESC LIMIT 1) FROM units
 """  # unit after unit by the index: a history of 700,000 records is not read as a whole
-_IS_KNOWN = "ON CONFLICT DO NOTHING"
 _IS_CHANGED = (  # who acknowledged it is kept; what is written again does not open it again
     "ON CONFLICT (id, since) DO UPDATE SET state = excluded.state, time = excluded.time, "
     "text = excluded.text WHERE excluded.time > alarms.time"
@@ -97,15 +96,16 @@ class History:
             with self._base:
                 for record in records:
                     values = [*(record[name] for name in _COLUMNS), json.dumps(record)]
-                    self._insert("records", values)
+                    self._insert("OR REPLACE INTO records", values)
                     for change in record["alarms"]:
-                        self._insert("alarms", [change[n] for n in _ALARM_COLUMNS], _IS_CHANGED)
+                        alarm = [change[name] for name in _ALARM_COLUMNS]
+                        self._insert("INTO alarms", alarm, _IS_CHANGED)
         except sqlite3.Error as error:
             raise OSError(f"{self.path} cannot be written: {error}.") from error
 
-    def _insert(self, table: str, values: Sequence[Any], otherwise: str = _IS_KNOWN) -> None:
+    def _insert(self, where: str, values: Sequence[Any], otherwise: str = "") -> None:
         places = ", ".join("?" * len(values))
-        self._base.execute(f"INSERT INTO {table} VALUES ({places}) {otherwise}", values)
+        self._base.execute(f"INSERT {where} VALUES ({places}) {otherwise}", values)
 
     def records(self, unit: str | None = None) -> list[dict[str, Any]]:
         """Return all records, or those of a unit, in order of their end."""
@@ -117,10 +117,11 @@ class History:
         """Return the last record of each unit."""
         return [json.loads(text) for (text,) in self._base.execute(_LAST) if text]
 
-    def known(self) -> dict[tuple[str, str], dict[str, Any]]:
-        """Return decision and error of each record, by its recording and identity."""
-        found = self._base.execute("SELECT recording, id, decision, error FROM records")
-        return {(row["recording"], row["id"]): dict(row) for row in found}
+    def known(self) -> list[dict[str, Any]]:
+        """Return recording, identity, decision and error of each record."""
+        return list(
+            map(dict, self._base.execute("SELECT recording, id, decision, error FROM records"))
+        )
 
     def alarms(self, *, open_only: bool = False) -> list[dict[str, Any]]:
         """Return the alarms, the latest first; those that are not cleared, if `open_only`."""
@@ -139,7 +140,7 @@ class History:
     def note_unsent(self, sink: str, identity: str) -> None:
         """Note that a record is still to be sent."""
         with self._base:
-            self._insert("unsent", [sink, identity])
+            self._insert("OR REPLACE INTO unsent", [sink, identity])
 
     def note_sent(self, sink: str, identity: str) -> None:
         """Note that a record was sent."""

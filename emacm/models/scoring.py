@@ -136,6 +136,8 @@ def scored_rows(
     sources: Sequence[Callable[[], Any]],
     names: Sequence[Any],
     n_jobs: int | None = None,
+    *,
+    facts: Callable[[Any], Row] | None = None,
 ) -> list[Row]:
     """Return the rows of recordings that functions open.
 
@@ -149,6 +151,8 @@ def scored_rows(
         Name of each recording.
     n_jobs : int, optional
         Number of recordings processed in parallel.
+    facts : callable, optional
+        Returns further values of an opened recording for its row.
 
     Returns
     -------
@@ -159,7 +163,7 @@ def scored_rows(
     batches = [[part[i : i + at_once] for i in starts] for part in (sources, names)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # the rows contain them
-        rows = run(partial(_scored_batch, model), *batches, n_jobs=n_jobs)
+        rows = run(partial(_scored_batch, model, facts), *batches, n_jobs=n_jobs)
     return list(chain.from_iterable(rows))
 
 
@@ -169,6 +173,7 @@ def _itself(entry: Any) -> Any:
 
 def _scored_batch(
     model: Any,
+    facts: Callable[[Any], Row] | None,
     sources: Sequence[Callable[[], Any]],
     names: Sequence[Any],
     max_bytes: int = 1 << 25,
@@ -188,6 +193,7 @@ def _scored_batch(
                 if not isinstance(recording, Recording):
                     raise TypeError(f"expected a recording, got {received(recording)}")
                 series = recording.series.values()  # read now
+                rows[-1] |= facts(recording) if facts else {}
         except Exception as error:  # any error is the result for this recording
             rows[-1]["error"] = _text_of(error)
             continue

@@ -16,6 +16,7 @@ from emacm._checks import located
 from emacm.files.folder import open_recording
 from emacm.files.layout import Layout
 from emacm.files.toml_files import read_toml
+from emacm.history.sqlite_history import History
 from emacm.machine.gears import Gear, PlanetaryGear
 from emacm.machine.motors import InductionMotor, Motor
 from emacm.machine.parts import Part
@@ -91,7 +92,7 @@ def read_parts(path: Path) -> list[Any]:
 
 
 def read_results(path: Path) -> pd.DataFrame:
-    """Read a table of ``emacm score``: CSV, JSON lines or Parquet.
+    """Read a table of ``emacm score``: CSV, JSON lines, Parquet, or a history of SQLite.
 
     Parameters
     ----------
@@ -113,10 +114,11 @@ def read_results(path: Path) -> pd.DataFrame:
         ".csv": _read_csv,
         ".jsonl": partial(pd.read_json, lines=True, dtype=False),
         ".parquet": pd.read_parquet,
+        ".sqlite": _read_history,
     }
     with located(str(path)):
         if path.suffix not in readers:
-            raise ValueError("a table of results must end with .csv, .jsonl or .parquet.")
+            raise ValueError("a table of results must end with .csv, .jsonl, .parquet or .sqlite.")
         table = readers[path.suffix](path)
         if not {"recording", "decision"} <= set(table.columns):
             raise ValueError(
@@ -124,6 +126,10 @@ def read_results(path: Path) -> pd.DataFrame:
                 f"others; got {list(table.columns)}."
             )
     return table
+
+
+def _read_history(path: Path) -> pd.DataFrame:
+    return pd.DataFrame(History(path).records())
 
 
 def _read_csv(path: Path) -> pd.DataFrame:

@@ -24,6 +24,8 @@ from emacm import (
 )
 from emacm.__main__ import main
 from emacm.commands import score as command
+from emacm.history.records import SCHEMA
+from emacm.reports.inputs import read_results
 
 pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
 ROOT = Path(__file__).parents[2]
@@ -85,13 +87,13 @@ def test_the_standard_output_is_the_table_of_score(here, capsys):
 
     folder = RecordingFolder(here / "files", Layout.from_toml(here / "layout.toml"))
     table = score(load_model(here / "model.emacm"), folder)
-    assert list(printed.columns) == [*table.columns, "digest"]
+    assert list(printed.columns)[: table.shape[1]] == list(table.columns)
     assert printed["recording"].tolist() == [f"files/{path.name}" for path in folder.paths]
     assert printed["decision"].tolist() == table["decision"].tolist()
     np.testing.assert_array_equal(printed["P(worn)"], table["P(worn)"])
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".jsonl", ".parquet"])
+@pytest.mark.parametrize("suffix", [".csv", ".jsonl", ".parquet", ".sqlite"])
 def test_tables_of_all_types_hold_the_same_rows(here, capsys, suffix):
     if suffix == ".parquet":
         reason = "pyarrow cannot be imported (extra 'files')"
@@ -101,14 +103,30 @@ def test_tables_of_all_types_hold_the_same_rows(here, capsys, suffix):
     printed = capsys.readouterr().out
     assert printed == f"13 files: 8 ok, 4 worn, 1 failed. Table: table{suffix}\n"
     assert run("--out", "other.csv") == 3
-    read = {".csv": pd.read_csv, ".parquet": pd.read_parquet}.get(
-        suffix, lambda path: pd.read_json(path, lines=True)
+    first, other = (
+        read_results(Path(name)).sort_values("recording").reset_index()
+        for name in (f"table{suffix}", "other.csv")
     )
-    first, other = read(f"table{suffix}"), pd.read_csv("other.csv")
     for name in ("recording", "decision", "error"):
         assert first[name].fillna("").tolist() == other[name].fillna("").tolist()
-    np.testing.assert_allclose(first["P(worn)"], other["P(worn)"], rtol=1e-14)
+    known = first["error"] == ""
+    first, other = (table["P(worn)"][known].astype(float) for table in (first, other))
+    np.testing.assert_allclose(first, other, rtol=1e-14)
     assert not list(Path().glob(f"table{suffix}.*"))
+
+
+def test_a_record_states_unit_times_and_where_they_are_from(here):
+    schema = pytest.importorskip("jsonschema", reason="jsonschema is not installed (extra 'test')")
+    Path("files/bad_7.npz").write_bytes(b"PK")
+    for path in Path("files").iterdir():
+        os.utime(path, (1_800_000_000, 1_800_000_000))
+    assert run("--out", "table.jsonl", "--unit", "run") == 3
+    records = [json.loads(line) for line in Path("table.jsonl").read_text().splitlines()]
+    for record in records:
+        schema.validate(record, SCHEMA)
+    (first,) = (record for record in records if record["recording"] == "files/ok_00.npz")
+    times = ("2027-01-15T07:59:58.000Z", "2027-01-15T08:00:00.000Z", "modified")
+    assert (first["unit"], first["start"], first["end"], first["times"]) == ("0", *times)
 
 
 # The exit status
@@ -176,31 +194,32 @@ def counted(monkeypatch):
     scored = []
     original = command.scored_rows
 
-    def spy(model, sources, names, n_jobs):
+    def spy(model, sources, names, n_jobs, **options):
         scored.extend(names)
-        return original(model, sources, names, n_jobs)
+        return original(model, sources, names, n_jobs, **options)
 
     monkeypatch.setattr(command, "scored_rows", spy)
     return scored
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".jsonl"])
+@pytest.mark.parametrize("suffix", [".csv", ".jsonl", ".sqlite"])
 def test_only_new_changed_and_failed_files_are_decided_on_again(here, monkeypatch, suffix):
     table = Path(f"table{suffix}")
     (here / "files" / "bad_7.npz").write_bytes(b"PK")
     assert run("--out", str(table)) == 3
-    first = table.read_text()
+    first = read_results(table)
     scored = counted(monkeypatch)
     assert run("--out", str(table)) == 3
     assert scored == ["files/bad_7.npz"]
-    assert table.read_text() == first
+    pd.testing.assert_frame_equal(read_results(table), first)
     scored.clear()
     write(here / "files" / "bad_7.npz", True, 70)
     write(here / "files" / "new_8.npz", False, 80)
     write(here / "files" / "ok_03.npz", True, 90)
     assert run("--out", str(table)) == 0
     assert scored == ["files/bad_7.npz", "files/new_8.npz", "files/ok_03.npz"]
-    assert len(table.read_text().splitlines()) == 14 + (suffix == ".csv")
+    replaced = suffix != ".sqlite"  # a history keeps what was decided on an earlier content
+    assert len(read_results(table)) == (14 if replaced else 16)
     scored.clear()
     assert run("--out", str(table), "--again") == 0
     assert len(scored) == 14
