@@ -63,9 +63,10 @@ class HistoryTable:
     def write(self, rows: Sequence[Row]) -> None:
         """Leave the history as it is: each record has a place of its own."""
 
-    def append(self, row: Row) -> None:
-        """Write one record to the disk."""
+    def append(self, row: Row) -> Row:
+        """Write one record to the disk, and return what `read` will return of it."""
         self._history.write(row)
+        return {name: row[name] for name in ("recording", "id", "decision", "error")}
 
     def finish(self, rows: Sequence[Row]) -> None:
         """Leave the history as it is."""
@@ -124,8 +125,8 @@ class ResultTable:
         with written_whole(self._written) as unfinished:
             unfinished.write_bytes(self._content(rows, heading=True))
 
-    def append(self, row: Row) -> None:
-        """Write one row to the disk; all of it, or nothing with an error."""
+    def append(self, row: Row) -> Row:
+        """Write one row to the disk, all of it or nothing with an error, and return it."""
         size = self._written.stat().st_size
         try:
             with open(self._written, "ab") as file:
@@ -134,6 +135,7 @@ class ResultTable:
             os.truncate(self._written, size)
             error.filename = str(self._written)
             raise
+        return row
 
     def _content(self, rows: Sequence[Row], *, heading: bool = False) -> bytes:
         text = lines_of(rows, self.columns, as_json=self._as_json, heading=heading)

@@ -149,10 +149,11 @@ class _Work:
         with_times = partial(_times, key=self._options.time)
         scored = scored_rows(self._model, sources, names, self._options.jobs, facts=with_times)
         for (path, row), found in zip(new, scored, strict=True):
-            row.update(record_of(found, unit=self._unit_of(path), id=row["id"], **self._same))
+            record = record_of(found, unit=self._unit_of(path), id=row["id"], **self._same)
             if self._table is not None:
-                self._table.append(row)
+                row.update(self._table.append(record))
             else:
+                row.update(record)
                 print(lines_of([row], self._columns), end="", flush=True)
 
     def _unit_of(self, path: Path) -> str:
