@@ -17,6 +17,7 @@ import numpy as np
 
 from emacm._checks import located
 from emacm._saved import locked, written_whole
+from emacm.commands.evidence import Evidence
 from emacm.commands.stream_records import Record, StreamRecords
 from emacm.files.csv_files import text_table
 from emacm.files.file_columns import FileColumns, recording_arguments, start_of, time_of_sample
@@ -172,6 +173,10 @@ class _Stream:
         self._at_once = max(2, round(block * self._fs))
         has_dates = start_of(content, layout) is not None
         self._records = StreamRecords(model, list(rates), has_dates, options)
+        self._evidence = None
+        if options.keep_alarms:
+            kept = options.evidence, options.keep_alarms, self._fs
+            self._evidence = Evidence(*kept, model, layout)
         if state and file:
             with located(where):
                 self._restore(state, file)
@@ -253,7 +258,11 @@ class _Stream:
             self._interrupt(str(error), len(rows))
             return
         self._last, self._resumed = rows[-1], None
-        self._save_and_write(self._records_of(readings))
+        records = self._records_of(readings)
+        self._save_and_write(records)
+        if self._evidence:
+            self._evidence.add(self._monitor.time + self._ahead - len(rows) / self._fs, rows)
+            self._evidence.store(records, self._head[: self._table.start])
 
     def _interrupt(self, error: str, n_skipped: int = 0) -> None:
         """State an error; the reading up to it ends, and another one begins."""

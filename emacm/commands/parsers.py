@@ -232,6 +232,10 @@ def _monitor(command: Add) -> None:
         "mqtt://[user@]host[:port]/topic, which needs a history; may be repeated"
     )
     add("--sink", action="append", default=[], metavar="SINK", help=sink)
+    kept = "store the signals of N readings up to each alarm, which emacm score decides on again"
+    add("--keep-alarms", type=_count, metavar="N", help=kept)
+    folder = "folder of these signals (default: evidence)"
+    add("--evidence", type=Path, default=Path("evidence"), metavar="DIR", help=folder)
     _add_alarms(add)
 
 

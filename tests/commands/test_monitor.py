@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -314,3 +315,23 @@ def test_an_alarm_is_acknowledged_by_a_person_and_stays_so(here, capsys):
 def test_the_schema_is_printed(capsys):
     assert main(["schema"]) == 0
     assert json.loads(capsys.readouterr().out) == SCHEMA
+
+
+@pytest.mark.parametrize("every", [("1", "s"), ("15", "revolutions")])
+def test_the_signals_before_an_alarm_are_decided_on_again_bit_for_bit(here, capsys, every):
+    rows = [*rows_of(False, 40), *rows_of(True, 41)]
+    (here / "kept.csv").write_text("vib,speed\n" + "".join(rows))
+    folder = here / every[1]
+    options = ("--idle", "0", *ALARMS, *RULE, "--keep-alarms", "4", "--evidence", str(folder))
+    run(*options, "--every", every[0], "--unit", every[1], source="kept.csv")
+    streamed = {record["id"]: record for record in printed(capsys)}
+    table = str(here / f"{every[1]}.jsonl")
+    options = ["--layout", "layout.toml", "--out", table]
+    assert main(["score", "model.emacm", str(folder), *options]) == 0
+    scored = list(map(json.loads, Path(table).read_text().splitlines()))
+    assert [found["decision"] for found in scored] == ["ok", "ok", "worn", "worn"]
+    for path, found in zip(sorted(folder.glob("*.json")), scored, strict=True):
+        record = json.loads(path.read_text())
+        for name in ("decision", "expected_cost", "P(ok)", "P(worn)", "model"):
+            assert record[name] == found[name]
+            assert record[name] == pytest.approx(streamed[record["id"]][name])
