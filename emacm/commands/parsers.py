@@ -150,8 +150,11 @@ def _train(command: Add) -> None:
     meaning = "fit a recipe on the files of a folder, evaluate and save the model"
     add = command("train", meaning, check=_check_recipe)
     add("layout", metavar="LAYOUT", type=_existing, help="layout of the files (TOML)")
-    add("folder", metavar="FOLDER", type=_existing, help="folder of the files")
+    folder = "folder of the files; with --like, a history with features of score"
+    add("folder", metavar="FOLDER", type=_existing, help=folder)
     _add_pattern(add)
+    like = "model whose classifier is fitted again, on the features that its other steps made"
+    add("--like", type=_existing, metavar="MODEL", help=like)
     add("--labels", required=True, metavar="KEY", help="key of meta with the state of the machine")
     groups = "key of meta with the unit or run; the evaluation leaves out whole ones"
     add("--groups", required=True, metavar="KEY", help=groups)
@@ -185,6 +188,8 @@ def _score(command: Add) -> None:
         "standard output"
     )
     add("--out", type=_writable, metavar="FILE", help=table)
+    kept = "store the features in the history, from which emacm train --like learns again"
+    add("--features", action="store_true", help=kept)
     add("--jobs", type=int, default=1, metavar="N", help="files in parallel")
     add("--cost", type=_existing, metavar="CSV", help="costs: rows are decisions, columns truths")
     add("--priors", metavar="P", help="'uniform', or as in healthy=0.9,inner=0.04,outer=0.06")

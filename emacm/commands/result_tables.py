@@ -68,6 +68,10 @@ class HistoryTable:
         self._history.write(row)
         return {name: row[name] for name in ("recording", "id", "decision", "error")}
 
+    def write_features(self, identity: str, made_by: str, values: Any) -> None:
+        """Write the features of a record; see `History.write_features`."""
+        self._history.write_features(identity, made_by, values)
+
     def finish(self, rows: Sequence[Row]) -> None:
         """Leave the history as it is."""
 

@@ -14,10 +14,11 @@ from typing import Any
 
 import pandas as pd
 from joblib import effective_n_jobs
+from sklearn.pipeline import Pipeline
 
 from emacm._saved import locked
 from emacm.commands.paths import expanded
-from emacm.commands.result_tables import Row, columns_of, lines_of, result_table
+from emacm.commands.result_tables import HistoryTable, Row, columns_of, lines_of, result_table
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.model_digest import model_digest
 from emacm.decisions.pipelines import final_estimator
@@ -72,6 +73,14 @@ class _Work:
         self._columns = columns_of(model)
         self._reported = time.monotonic()
         self._table = None if options.out is None else result_table(options.out, model)
+        self._features: tuple[HistoryTable, str] | None = None
+        if options.features:
+            if not isinstance(self._table, HistoryTable) or not isinstance(model, Pipeline):
+                raise ValueError(
+                    "--features needs --out FILE.sqlite, and a model that is a pipeline whose last "
+                    "step is the classifier."
+                )
+            self._features = self._table, model_digest(model[:-1])
         self._done: dict[tuple[str, str], Row] = {}
         self._reports: Any = None
         if options.report is not None:
@@ -152,6 +161,9 @@ class _Work:
             record = record_of(found, unit=self._unit_of(path), id=row["id"], **self._same)
             if self._table is not None:
                 row.update(self._table.append(record))
+                if self._features and not row["error"]:
+                    table, made_by = self._features
+                    table.write_features(row["id"], made_by, found["features"])
             else:
                 row.update(record)
                 print(lines_of([row], self._columns), end="", flush=True)

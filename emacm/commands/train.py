@@ -7,11 +7,13 @@ import re
 import warnings
 from collections.abc import Sequence
 from math import floor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from joblib import parallel_config
+from sklearn.base import clone
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
@@ -19,18 +21,21 @@ from emacm._checks import check_number
 from emacm.commands.find import parts_of_options
 from emacm.commands.score import set_costs
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
+from emacm.decisions.model_digest import model_digest
 from emacm.decisions.pipelines import groups_options
 from emacm.evaluation.comparison import compare
 from emacm.evaluation.evaluate import evaluate
 from emacm.evaluation.results import Evaluation, as_texts
 from emacm.files.folder import RecordingFolder
 from emacm.files.layout import Layout
-from emacm.models.model_files import save_model
+from emacm.history.sqlite_history import History
+from emacm.models.model_files import load_model, save_model
 from emacm.models.recipes import actuator_recipe, bearing_recipe
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.meta import read_meta
 from emacm.reports.facts import healthy_label
+from emacm.reports.inputs import meta_value
 from emacm.resampling.order_resampler import OrderResampler
 
 
@@ -43,6 +48,8 @@ def run(options: argparse.Namespace) -> int:
         0.
     """
     layout = Layout.from_toml(options.layout)
+    if options.like is not None:
+        return _learn_again(options, layout)
     recordings = RecordingFolder(options.folder, layout, options.pattern)
     if layout.meta is None:
         raise ValueError(
@@ -69,6 +76,39 @@ def run(options: argparse.Namespace) -> int:
     model.fit(recordings, labels, **groups_options(model, groups))
     _print_rates(model, found)
     _print_channels(model, recordings, labels, groups, healthy, found)
+    save_model(model, options.out, note=options.note, healthy=healthy)
+    print(f"Model: {options.out}")
+    return 0
+
+
+def _learn_again(options: argparse.Namespace, layout: Layout) -> int:
+    """Fit the classifier of a model on the features in a history, evaluate and save the model."""
+    old, history = load_model(options.like), History(options.folder)
+    names, features = history.features(model_digest(old[:-1]))
+    if not names:
+        raise ValueError(
+            f"{options.folder} has no features of the model {options.like}: run emacm score with "
+            f"this model, --out {options.folder} and --features."
+        )
+    labels, groups = (
+        [meta_value(Path(name), layout, key) for name in names]
+        for key in (options.labels, options.groups)
+    )
+    healthy = healthy_label(labels, options.healthy, "--healthy")
+    classifier = clone(old[-1])
+    set_costs(classifier, options.cost, options.priors)
+    print(f"{len(names)} recordings, {len(set(groups))} groups ({options.groups})")
+    print(pd.Series(labels).value_counts().sort_index().to_string())
+    found = evaluate(classifier, features, labels, units=groups, healthy=healthy)
+    for caveat in found.caveats:
+        print(f"- {caveat}")
+    print(
+        "- The range of the training, outside of which recordings are stated to be, and the known "
+        "spectral lines are still those of the first training."
+    )
+    classifier.fit(features, labels, **groups_options(classifier, groups))
+    model = Pipeline([*old.steps[:-1], (old.steps[-1][0], classifier)])
+    _print_rates(model, found)
     save_model(model, options.out, note=options.note, healthy=healthy)
     print(f"Model: {options.out}")
     return 0

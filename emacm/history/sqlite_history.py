@@ -8,8 +8,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from emacm.history.records import ALARM
 
+Array = NDArray[np.float64]
 _COLUMNS = (
     "id", "unit", "recording", "start", "end", "decision", "expected_cost", "typicality",
     "warnings", "outside_training", "complete", "error", "model",
@@ -20,6 +24,7 @@ _TABLES = (
     f"records ({_QUOTED}, record TEXT, PRIMARY KEY (id))",
     f"alarms ({', '.join(_ALARM_COLUMNS)}, PRIMARY KEY (id, since))",
     "unsent (sink TEXT, id TEXT, PRIMARY KEY (sink, id))",
+    'features (id TEXT PRIMARY KEY, made_by TEXT, "values" BLOB)',
 )
 _INDICES = ('records_of_unit ON records (unit, "end")', "records_of_name ON records (recording)")
 _LAST = """
@@ -128,6 +133,22 @@ class History:
         where = "WHERE state != 'cleared'" if open_only else ""
         found = self._base.execute(f"SELECT * FROM alarms {where} ORDER BY since DESC, id")
         return [dict(row) for row in found]
+
+    def write_features(self, identity: str, made_by: str, values: Array) -> None:
+        """Write the features of a record; `made_by` is the digest of the steps that made them."""
+        with self._base:
+            content = np.asarray(values, "<f8").tobytes()
+            self._insert("OR REPLACE INTO features", [identity, made_by, content])
+
+    def features(self, made_by: str) -> tuple[list[str], Array]:
+        """Return recordings and the features of shape (n_recordings, n_features) of these steps."""
+        found = self._base.execute(
+            'SELECT recording, "values" FROM features JOIN records USING (id) WHERE made_by = ? '
+            'ORDER BY "end", id',
+            (made_by,),
+        ).fetchall()
+        rows = [np.frombuffer(row["values"], "<f8") for row in found]
+        return [row["recording"] for row in found], np.array(rows)
 
     def set_state(self, identity: str, state: str, *, by: str, time: str) -> int:
         """Set the state of an alarm that is not cleared; return how many there are."""

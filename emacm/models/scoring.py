@@ -157,6 +157,7 @@ def scored_rows(
     Returns
     -------
     list of dict
+        With the columns of `score`, and "features": the input of the classifier.
     """
     at_once = min(32, -(-len(sources) // effective_n_jobs(n_jobs))) or 1
     starts = range(0, len(sources), at_once)
@@ -266,7 +267,7 @@ def _results(model: Any, recordings: list[Recording]) -> list[Row]:
         seconds = final.second_states(table, [row["decision"] for row in decisions])
     rows = []
     for number, found in enumerate(_findings(model, recordings)):
-        row = decisions[number] | found
+        row = decisions[number] | found | {"features": np.asarray(table)[number]}
         outside = row["outside_training"] or "; ".join(new_lines[number])
         if unknown is not None and row["decision"] == unknown:
             outside = _reasons(model, recordings[number], outside)

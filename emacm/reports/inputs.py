@@ -202,13 +202,13 @@ def units_and_times(
     """
 
     def values(key: str) -> list[Any]:
-        return [_value_of(path, layout, key) for path in paths]
+        return [meta_value(path, layout, key) for path in paths]
 
     times = [_started(path, layout) for path in paths] if time is None else values(time)
     return None if unit is None else values(unit), times
 
 
-def _value_of(path: Path, layout: Layout, key: str) -> Any:
+def meta_value(path: Path, layout: Layout, key: str) -> Any:
     """Return the value of a key of the meta of a file."""
     with located(str(path)):
         meta = layout.meta_of(path)

@@ -158,6 +158,7 @@ def test_a_failed_file_is_status_3_and_the_table_is_complete(here, capsys):
         (["--priors", "ok"], ["files"], "--priors must be 'uniform' or as in"),
         (["--priors", "ok=0.5"], ["files"], "priors"),
         (["--cost", "none.csv"], ["files"], "none.csv"),
+        (["--features"], ["files"], "--features needs --out FILE.sqlite"),
         (["--watch", "-1"], ["files"], "--watch: expected a number above 0"),
         ([], ["empty"], "has no file of a known type"),
     ],

@@ -90,6 +90,28 @@ def test_training_states_yardsticks_and_what_each_channel_contributes(here, caps
 
 
 @pytest.mark.slow
+def test_a_classifier_learns_again_from_the_features_in_a_history(here, capsys):
+    assert train("--max-order", "10") == 0
+    first = capsys.readouterr().out
+    score = ["score", "model.emacm", "files", "--layout", "layout.toml", "--out", "seen.sqlite"]
+    again = ["--labels", "state", "--groups", "unit", "--like", "model.emacm", "--out", "new.emacm"]
+    assert main(score) == 0
+    assert main(["train", "layout.toml", "seen.sqlite", *again]) == 2
+    assert "has no features of the model" in capsys.readouterr().err
+    Path("seen.sqlite").unlink()
+    assert main([*score, "--features"]) == 0
+    for path in Path("files").iterdir():
+        path.rename(path.name)  # the signals are not needed
+    assert main(["train", "layout.toml", "seen.sqlite", *again]) == 0
+    second = capsys.readouterr().out
+    rates = re.compile(r"\nby unit .*")
+    assert rates.search(first)[0] == rates.search(second)[0]
+    folder = RecordingFolder(".", Layout.from_toml("layout.toml"), "U*")
+    models = load_model("model.emacm"), load_model("new.emacm")
+    np.testing.assert_allclose(*(model.predict_proba(folder) for model in models), atol=1e-9)
+
+
+@pytest.mark.slow
 def test_the_rates_are_those_of_evaluate(here, capsys):
     assert train("--max-order", "10", "--revolutions", "8") == 0
     model = load_model("model.emacm")
