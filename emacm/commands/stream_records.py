@@ -75,7 +75,8 @@ class StreamRecords:
             of=of,
             quiet=options.clear_after,
         )
-        print(f"Alarms: {_setting_text(chosen, self._healthy, hours)}.", file=sys.stderr)
+        text = _setting_text(chosen, self._healthy, hours, options.false_alarms)
+        print(f"Alarms: {text}.", file=sys.stderr)
         return chosen
 
     def of_reading(self, reading: Reading, ahead: float, content: bytes) -> Record:
@@ -164,7 +165,7 @@ class StreamRecords:
         self.write(found["pending"])
 
 
-def _setting_text(chosen: AlarmSetting, healthy: Any, hours: float) -> str:
+def _setting_text(chosen: AlarmSetting, healthy: Any, hours: float, accepted: float) -> str:
     """State a setting in words."""
     if healthy is None:
         return "none on decisions, as the healthy state is not known; give --healthy LABEL"
@@ -179,7 +180,16 @@ def _setting_text(chosen: AlarmSetting, healthy: Any, hours: float) -> str:
     if not math.isfinite(hours):
         return text + "false alarms are not known, as readings have no length (--every)"
     expected, low, high = (rate / hours * 1000 for rate in chosen.rate)
-    return text + (
-        f"{expected:.2g} false alarms in 1000 h ({low:.2g} to {high:.2g}, as {chosen.n_groups} "
-        f"healthy groups of the training tell, if successive readings are independent)"
+    found = f"{chosen.n_groups} healthy groups of the training"
+    text += (
+        f"{_short(expected)} false alarms in 1000 h ({_short(low)} to {_short(high)}, as {found} "
     )
+    text += "tell, if successive readings are independent)"
+    if expected > accepted:
+        text += f", not {accepted:g}: train with more healthy groups, or lengthen --every"
+    return text
+
+
+def _short(number: float) -> str:
+    """Return a number with two digits, as 1,400."""
+    return f"{float(f'{number:.2g}'):,.10g}"
