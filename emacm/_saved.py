@@ -8,10 +8,12 @@ no part of a model.
 
 from __future__ import annotations
 
+import importlib
 import os
+import platform
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
@@ -56,6 +58,15 @@ class SavedEstimator(BaseEstimator):
                 stacklevel=2,
             )
         super().__setstate__({name: _restored(value) for name, value in state.items()})
+
+
+def installed_versions() -> dict[str, str]:
+    """Return the versions of emacm, Python and the libraries on which results depend."""
+    found = {"emacm": __version__, "python": platform.python_version()}
+    for name in ("numpy", "scipy", "sklearn", "pandas", "skops"):
+        with suppress(ImportError):  # skops is optional
+            found[name] = importlib.import_module(name).__version__
+    return found
 
 
 @contextmanager

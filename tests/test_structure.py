@@ -42,6 +42,7 @@ ORDER = [
     "datasets",
     "displays",
     "reports",
+    "verification",
     "demo",
     "commands",
     "__main__",

@@ -1,4 +1,4 @@
-"""Published figures of the thesis: Figs. 2.5 to 2.7, Table 2.1, section 2.2.1 and chapter 3."""
+"""Published figures of the thesis: Figs. 2.6, 2.7, Table 2.1, section 2.2.1 and chapter 3."""
 
 from __future__ import annotations
 
@@ -17,31 +17,8 @@ from emacm import (
     OrderResampler,
     Recording,
 )
-from emacm.orders.welch import order_psd
 
 TURN = 2 * np.pi
-
-# Fig. 2.5: a sine of 40 Hz at 640 Hz, L = 32, rectangular window
-
-
-def sine_of_figure_2_5():
-    return np.sin(TURN * 40 * np.arange(32) / 640)
-
-
-def test_figure_2_5_the_discrete_spectrum_reads_one_half():
-    frequency, spectrum = order_psd(
-        sine_of_figure_2_5(), 1, n_per_segment=32, window="boxcar", scaling="spectrum"
-    )
-    assert frequency[spectrum.argmax()] == 0.0625
-    assert spectrum.max() == pytest.approx(0.5, rel=1e-12)
-
-
-def test_figure_2_5_the_density_reads_0_025_at_40_hertz():
-    # 640 samples a second: hertz in the place of orders.
-    hertz, psd = order_psd(sine_of_figure_2_5(), 640, n_per_segment=32, window="boxcar")
-    assert hertz[psd.argmax()] == 40
-    assert psd.max() == pytest.approx(0.025, rel=1e-12)
-
 
 # Figs. 2.6 and 2.7: sin(6 theta) on a ramp of 100t rad/s, 0.5 s
 

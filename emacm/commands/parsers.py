@@ -20,7 +20,7 @@ def add_parsers(commands: Any) -> None:
         The subcommands.
     """
     methods = (_example, _inspect, _find, _train, _score, _monitor, _alarms, _report, _trend)
-    for add_options in (*methods, _schema):
+    for add_options in (*methods, _schema, _verify):
         add_options(partial(_command, commands))
 
 
@@ -331,6 +331,24 @@ def _trend(command: Add) -> None:
     alarm = "exit status 1 if a unit exceeds its limit"
     add("--fail-on-alarm", action="store_true", help=alarm)
     _add_extent(add)
+
+
+def _verify(command: Add) -> None:
+    add = command(
+        "verify",
+        "compute known answers of the field on this computer, and compare them",
+        "0 if all are within their tolerance; 1 if one is not; 2 for invalid arguments.",
+    )
+    out = "write the table into this file (.txt, .json or .html); default: standard output"
+    add("--out", type=_record, metavar="FILE", help=out)
+    add("--json", action="store_true", help="JSON on standard output")
+
+
+def _record(text: str) -> Path:
+    """Return the path of a file for a record of a known kind."""
+    if not text.endswith((".txt", ".json", ".html")):
+        raise argparse.ArgumentTypeError(f"{text!r} must end with .txt, .json or .html")
+    return _writable(text)
 
 
 def _add_files(add: Add, number: str = "+", *, needs_layout: bool = True) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib
 import json
 import os
-import platform
 import re
 import sys
 import time
@@ -22,8 +21,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import located
-from emacm._saved import values_as_lists, written_whole
-from emacm._version import __version__
+from emacm._saved import installed_versions, values_as_lists, written_whole
 from emacm.decisions.pipelines import fitted_resamplers, parts_of
 from emacm.decisions.truths import label_positions
 
@@ -35,9 +33,6 @@ _TRUSTED = re.compile(
 
 
 _START = b"emacm model 1\n"
-
-
-_LIBRARIES = ("numpy", "scipy", "sklearn", "pandas", "skops")
 
 
 def _check_types(names: Sequence[str]) -> None:
@@ -194,7 +189,7 @@ def load_model(path: str | os.PathLike[str]) -> Any:
         except Exception as error:
             raise ValueError(
                 f"it cannot be read ({type(error).__name__}: {error}). Save the model again, with "
-                f"the versions installed here: {_versions()}."
+                f"the versions installed here: {installed_versions()}."
             ) from error
         differ = _differences(about["versions"])
         _replay(model, about["check"], differ)
@@ -276,7 +271,7 @@ def _description(model: Any, note: str | None) -> dict[str, Any]:
     return {
         "note": note,
         "saved": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "versions": _versions(),
+        "versions": installed_versions(),
         "model": type(model).__name__,
         "steps": [name for name, _ in getattr(model, "steps", ())],
         **lists,
@@ -289,13 +284,8 @@ def _description(model: Any, note: str | None) -> dict[str, Any]:
     }
 
 
-def _versions() -> dict[str, str]:
-    found = {name: importlib.import_module(name).__version__ for name in _LIBRARIES}
-    return {"emacm": __version__, "python": platform.python_version(), **found}
-
-
 def _differences(saved: Mapping[str, str]) -> str:
-    here = _versions()
+    here = installed_versions()
     differ = [name for name in saved if name != "python" and saved[name] != here.get(name)]
     return ", ".join(f"{name} {saved[name]} (here {here.get(name)})" for name in differ)
 

@@ -43,12 +43,6 @@ def test_gaussian_noise_has_none_in_any_band():
     assert np.abs(kurtosis).max() < 0.2
 
 
-def test_a_tone_has_minus_one():
-    tone = np.sin(TURN * 2300 * np.arange(100_000) / FS)
-    frequencies, kurtosis = spectral_kurtosis(tone + 1e-4 * noise(100_000), FS)
-    assert kurtosis[np.abs(frequencies - 2300).argmin()] == pytest.approx(-1, abs=1e-3)
-
-
 def test_short_bursts_have_the_inverse_of_their_share_of_time():
     # Noise that is on for a share p of the time has E|Y|^4 / (E|Y|^2)^2 = 2 / p.
     signal = noise(400_000) * (np.arange(400_000) % 20_000 < 4_000)

@@ -102,30 +102,10 @@ def test_bins_of_any_edges_are_the_integrals_between_them(spectrum, seed, n_edge
     np.testing.assert_allclose(each, expected, rtol=1e-9, atol=1e-11 * psd.max() * orders[-1])
 
 
-@given(spectra())
-def test_one_bin_over_all_is_the_trapezoidal_rule(spectrum):
-    orders, psd = spectrum
-    (power,) = bin_operator(orders, [(0, orders[-1])]) @ psd
-    assert power == pytest.approx(trapezoid(psd, orders), rel=1e-12)
-
-
 def test_a_bin_between_two_lines_is_a_slice_of_the_straight_line():
     # The PSD rises from 0 to 1 over one order: its integral to x is x²/2.
     operator = bin_operator([0, 1], [(0.2, 0.3), (0.5, 1)])
     np.testing.assert_allclose(operator @ [0, 1], [(0.09 - 0.04) / 2, (1 - 0.25) / 2], rtol=1e-14)
-
-
-def test_edges_between_lines_lose_nothing():
-    operator = bin_operator(np.arange(5.0), [(0, 1.7), (1.7, 4)])
-    np.testing.assert_allclose(operator @ np.ones(5), [1.7, 2.3], rtol=1e-14)
-
-
-@pytest.mark.parametrize("lines_per_bin", [1, 2, 8, 64])
-def test_a_flat_spectrum_fills_each_bin_by_its_width(lines_per_bin):
-    # Summing the lines inside a bin would give 0, 0.5, 0.875 and 0.984 of it.
-    orders = np.arange(10 * lines_per_bin + 1) / lines_per_bin
-    bins = bin_operator(orders, bin_edges(1, 10)) @ np.ones(len(orders))
-    np.testing.assert_allclose(bins, 1, rtol=1e-12)
 
 
 # Stop bands
@@ -154,16 +134,6 @@ def test_stop_bands_that_overlap_take_out_their_union_once(spectrum, data):
     taken = bin_operator(orders, whole) @ psd - bin_operator(orders, whole, stop_bands=bands) @ psd
     expected = sum(integral(orders, psd, low, high) for low, high in union)
     assert taken[0] == pytest.approx(expected, rel=1e-9, abs=1e-9 * trapezoid(psd, orders))
-
-
-def test_the_notch_of_the_thesis_is_exact_at_its_edges():
-    orders = np.arange(0, 10.01, 0.061)
-    bins = BinTransformer(1, max_order=10, stop_bands=((5.6, 6.4),), order_step=0.061)
-    np.testing.assert_allclose(
-        bins.fit_transform(np.ones((1, len(orders))))[0],
-        [1, 1, 1, 1, 1, 0.6, 0.6, 1, 1, 1],
-        rtol=1e-12,
-    )
 
 
 # BinTransformer

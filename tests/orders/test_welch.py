@@ -352,22 +352,6 @@ def test_a_short_recording_is_an_error_with_its_name_its_revolutions_and_the_rem
 # What smears
 
 
-def test_half_a_percent_of_speed_variation_smears_in_hertz_and_not_in_orders():
-    fs, speed, revolutions = 10_000, 20, 16
-    time = np.arange(20 * fs) / fs
-    angle = TURN * speed * time + 0.005 * speed / 0.3 * (1 - np.cos(TURN * 0.3 * time))
-    recording = Recording({"x": np.sin(27 * angle)}, fs, angle=angle)
-    psd = OrderPSD(revolutions, scaling="spectrum")
-    (over_orders,) = psd.fit_transform(OrderResampler().fit_transform([recording]))
-    n_per_segment = revolutions * fs // speed
-    _, over_hertz = filters.welch(
-        recording.signals["x"], fs, "hann", n_per_segment, scaling="spectrum"
-    )
-    assert over_hertz.max() / 0.5 < 0.4
-    assert over_orders.max() / 0.5 == pytest.approx(1, abs=0.003)
-    assert psd.orders_[over_orders.argmax()] == 27
-
-
 def test_a_mains_hum_smears_in_orders_and_not_in_hertz():
     fs = 10_000
     time = np.arange(8 * fs) / fs

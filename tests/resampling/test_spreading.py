@@ -435,49 +435,6 @@ def test_cubic_interpolation_is_exact_for_a_cubic_of_time():
     np.testing.assert_allclose(resampled, 3 * moments**3 - moments**2 + 2, atol=1e-12)
 
 
-def peak_level(resampled, samples_per_rev):
-    """Order of the highest line, and its power beside that of a tone of amplitude 1 [dB]."""
-    orders, spectrum = order_psd(
-        resampled, samples_per_rev, revolutions=8, window="flattop", scaling="spectrum"
-    )
-    return orders[spectrum.argmax()], decibel(spectrum.max() / 0.5)
-
-
-@pytest.mark.parametrize(("interpolation", "loss"), [("linear", -1.8), ("cubic", -0.13)])
-def test_interpolation_loses_at_four_time_samples_per_cycle(interpolation, loss):
-    time, path = steady(20.0, 4000.0, 4.0)
-    signal = np.sin(50 * TURN * 20 * time + 0.3)
-    _, resampled = interpolate_to_angle(
-        signal, 4000.0, path, theta_s=THETA_S, interpolation=interpolation
-    )
-    order, level = peak_level(resampled, 128)
-    assert order == 50
-    assert level == pytest.approx(loss, abs=0.05)
-
-
-@pytest.mark.parametrize(("interpolation", "loss"), [("linear", -0.02), ("cubic", 0)])
-def test_without_the_filter_a_high_tone_folds_in_at_full_strength(interpolation, loss):
-    time, path = steady(10.0, 48_000.0, 4.0)
-    signal = np.sin(130.5 * TURN * 10 * time)
-    _, folded = interpolate_to_angle(
-        signal, 48_000.0, path, theta_s=TURN / 100, interpolation=interpolation
-    )
-    order, level = peak_level(folded, 100)
-    assert order == 30.5  # 130.5 - 100
-    assert level == pytest.approx(loss, abs=0.03)
-
-
-def test_without_the_filter_the_floor_of_white_noise_rises_by_8_decibel():
-    fs = 48_000.0
-    _, speed, path = varying(fs, 48, 7.2, 1.0, 4.0)
-    signal = np.random.default_rng(10).standard_normal(len(speed))
-    _, resampled = interpolate_to_angle(signal, fs, path, theta_s=TURN / 100)
-    orders, psd = order_psd(resampled, 100, revolutions=8)
-    level = 2 / fs * np.mean(speed**2) / np.mean(speed)
-    floor = psd[(orders >= 1) & (orders <= 40)].mean()
-    assert decibel(floor / level) == pytest.approx(8.2, abs=0.3)
-
-
 def test_the_resampler_interpolates_only_without_the_filter():
     fs = 4000
     recording = Recording({"x": tone("ramp", 40, fs)}, fs, **shaft("ramp", "angle", fs))

@@ -1,0 +1,169 @@
+"""All known answers computed on this computer, as a table with versions and digests."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Callable
+from dataclasses import dataclass
+from hashlib import sha256
+from inspect import getmembers, isfunction
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+import pandas as pd
+
+from emacm._saved import installed_versions
+from emacm.reports.plain_pages import plain_page
+from emacm.verification import angles, decisions, monitoring, spectra
+
+Check = Callable[[], dict[str, float]]
+
+
+@dataclass(frozen=True, repr=False)
+class Verification:
+    """Known answers beside computed values; printed as a table.
+
+    Attributes
+    ----------
+    table : DataFrame
+        One row for each answer: "what" (the quantity, with its unit), "source" (a publication, a
+        formula, or another implementation), "expected", "computed", "difference", "tolerance"
+        (rounding, the resolution of an axis, or four standard errors where noise is drawn) and
+        "passed".
+    left_out : tuple of str
+        Checks that need a package that is not installed.
+    seconds : float
+        Time that the computation took [s].
+    """
+
+    table: pd.DataFrame
+    left_out: tuple[str, ...]
+    seconds: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether there are answers, and all are within their tolerance."""
+        return bool(len(self.table) and self.table["passed"].all())
+
+    @property
+    def summary(self) -> str:
+        """The result in one line."""
+        left_out = f"; left out: {', '.join(self.left_out)}" if self.left_out else ""
+        passed = f"{self.table['passed'].sum()} of {len(self.table)} passed"
+        return f"{passed} in {self.seconds:.1f} s{left_out}"
+
+    def facts(self) -> dict[str, str]:
+        """Return versions, computer and digests.
+
+        Returns
+        -------
+        dict of str to str
+            "code" is the SHA-256 of all modules of emacm; "digest" that of table and facts: a copy
+            of the record in which a figure was changed does not have it.
+        """
+        facts = installed_versions() | {"computer": platform.platform(), "code": _code_digest()}
+        stated = json.dumps(facts) + self.table.to_json()
+        return facts | {"digest": sha256(stated.encode()).hexdigest()}
+
+    def to_json(self) -> str:
+        """Return table and facts as JSON."""
+        answers = json.loads(self.table.to_json(orient="records"))
+        content = {"passed": self.passed, "summary": self.summary, "facts": self.facts()}
+        return json.dumps(content | {"answers": answers}, indent=1)
+
+    def to_html(self) -> str:
+        """Return table and facts as a page."""
+        facts = pd.Series(self.facts()).to_frame().to_html(header=False)
+        title = "Known answers, computed by emacm"
+        return plain_page(title, f"<p>{self.summary}</p>{self._repr_html_()}{facts}")
+
+    def _repr_html_(self) -> str:
+        return self._as_text().to_html(index=False)
+
+    def _as_text(self) -> pd.DataFrame:
+        digits = {"expected": 6, "computed": 6, "difference": 2, "tolerance": 2}
+        numbers = {
+            name: [f"{value:.{n_digits}g}" for value in self.table[name]]
+            for name, n_digits in digits.items()
+        }
+        texts = self.table[["what", "source"]].apply(lambda x: x.str.ljust(x.str.len().max()))
+        passed = self.table["passed"].map({True: "yes", False: "NO"})
+        return self.table.assign(**numbers, **texts, passed=passed)
+
+    def __str__(self) -> str:
+        facts = "\n".join(f"{name}: {text}" for name, text in self.facts().items())
+        return f"{self._as_text().to_string(index=False)}\n\n{facts}\n{self.summary}"
+
+    __repr__ = __str__
+
+
+def known_answers() -> pd.DataFrame:
+    """Return the known answers.
+
+    Returns
+    -------
+    DataFrame
+        Index: "check" (the function that computes the value) and "name"; columns "what", "source",
+        "expected" and "tolerance".
+    """
+    path = Path(__file__).with_name("known_answers.csv")
+    return pd.read_csv(path, index_col=["check", "name"])
+
+
+def checks() -> dict[str, Check]:
+    """Return the functions that compute the values, by name."""
+    return {
+        name: check
+        for module in (angles, spectra, decisions, monitoring)
+        for name, check in getmembers(module, isfunction)
+        if check.__module__ == module.__name__ and not name.startswith("_")
+    }
+
+
+def verify(answers: pd.DataFrame | None = None) -> Verification:
+    """Compute known answers of the field on this computer.
+
+    Parameters
+    ----------
+    answers : DataFrame, optional
+        Some of, or other answers than those of `known_answers`. A value that cannot be computed
+        does not pass; checks that need a package that is not installed are left out.
+
+    Returns
+    -------
+    Verification
+        The table.
+
+    Examples
+    --------
+    >>> print(verify(known_answers().loc[["order_bins"]]).summary)  # doctest: +ELLIPSIS
+    4 of 4 passed in ... s
+    """
+    answers = (known_answers() if answers is None else answers).copy()
+    functions, start, left_out = checks(), perf_counter(), []
+    computed = pd.Series(np.nan, answers.index)
+    for name in answers.index.unique("check"):
+        try:
+            found = functions[name]()
+        except ImportError as error:
+            left_out.append(f"{name} ({error})")
+            answers = answers.drop(name, level="check")
+        except Exception as error:  # whatever is wrong here, the other answers are computed
+            answers.loc[[name], "source"] = f"{type(error).__name__}: {error}"
+        else:
+            computed.update(pd.Series({(name, key): value for key, value in found.items()}))
+    table = answers.assign(computed=computed)
+    table["difference"] = table["computed"] - table["expected"]
+    table["passed"] = table["difference"].abs() <= table["tolerance"]
+    order = ["what", "source", "expected", "computed", "difference", "tolerance", "passed"]
+    return Verification(table[order], tuple(left_out), perf_counter() - start)
+
+
+def _code_digest() -> str:
+    """Return the SHA-256 of all modules of the package."""
+    folder, digest = Path(__file__).parents[1], sha256()
+    for path in sorted(folder.rglob("*.py")):
+        digest.update(f"{path.relative_to(folder).as_posix()}\n".encode() + path.read_bytes())
+    return digest.hexdigest()
