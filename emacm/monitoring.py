@@ -9,6 +9,7 @@
 - `severity_zones`, `severity_zone`, `vibration_velocity`, `vibration_severity`: vibration severity
   zones of ISO 20816-3, and velocity from acceleration; `vibration_indicators`: with RMS, crest
   factor and kurtosis.
+- `record_of`, `History`: readings and rows of `score` as records, and their history in SQLite.
 - `RemainingLife`: remaining life with intervals that are valid by unit; `MaintenanceCosts`:
   decisions from it; `phm2012_score`, `phm2012_lives`, `coverage_by_unit`: metrics.
 """
@@ -24,6 +25,8 @@ from emacm.alarms.severity_zones import (
     vibration_severity,
     vibration_velocity,
 )
+from emacm.history.records import record_of
+from emacm.history.sqlite_history import History
 from emacm.life.maintenance import MaintenanceCosts
 from emacm.life.prognostic_metrics import (
     coverage_by_unit,
@@ -39,6 +42,7 @@ __all__ = [
     "EWMA",
     "AlarmReadings",
     "HealthIndex",
+    "History",
     "InputAlarm",
     "MaintenanceCosts",
     "OrderMonitor",
@@ -49,6 +53,7 @@ __all__ = [
     "health_trend",
     "phm2012_lives",
     "phm2012_score",
+    "record_of",
     "severity_zone",
     "severity_zones",
     "vibration_indicators",

@@ -24,7 +24,6 @@ from emacm.reports.facts import healthy_label
 from emacm.streams.streamed_models import Reading
 
 Record = dict[str, Any]
-_SAME = ("decision", "expected_cost", "typicality", "complete", "error")
 
 
 class StreamRecords:
@@ -91,12 +90,7 @@ class StreamRecords:
         content : bytes
             What was read last: another stream of the same times has other identities.
         """
-        found = {name: getattr(reading, name) for name in _SAME}
-        found |= {f"P({label})": value for label, value in reading.posterior.items()}
-        outside = reading.outside_training
-        found["outside_training"] = "; ".join(outside)
-        found["warnings"] = "; ".join(text for text in reading.defects if text not in outside)
-        record = self._record(found, reading.start + ahead, reading.time + ahead, content)
+        record = self._record(reading, reading.start + ahead, reading.time + ahead, content)
         if reading.complete and not self._is_silent(reading):
             charts = [text for text in reading.alarms if text.startswith(("EWMA of", "CUSUM of"))]
             known = [record["decision"]] if self._healthy is None else [str(self._healthy)]
@@ -112,10 +106,9 @@ class StreamRecords:
 
     def of_error(self, error: str, start: float, end: float, content: bytes) -> Record:
         """Return the record of rows that are skipped."""
-        found = {"error": error, "decision": None, "complete": False}
-        return self._record(found, start, end, content)
+        return self._record({"error": error, "complete": False}, start, end, content)
 
-    def _record(self, found: Record, start: float, end: float, content: bytes) -> Record:
+    def _record(self, found: Any, start: float, end: float, content: bytes) -> Record:
         options, now = self._options, pd.Timestamp.now("UTC")
         if self._has_dates or options.start:
             origin = pd.Timestamp(0, tz="UTC") if self._has_dates else pd.Timestamp(options.start)
@@ -123,9 +116,11 @@ class StreamRecords:
             began, ended = (origin + pd.Timedelta(seconds=time) for time in (start, end))
         else:
             times, began, ended = "clock", now - pd.Timedelta(seconds=end - start), now
-        found |= {"start": began, "end": ended, "stream_start": start, "stream_end": end}
-        parts = [*self._same.values(), start, end, sha256(content).hexdigest(), found["error"]]
-        return record_of(found, times=times, id=identity(parts), **self._same)
+        facts = self._same | {"start": began, "end": ended, "times": times}
+        facts |= {"stream_start": start, "stream_end": end}
+        record = record_of(found, **facts)
+        parts = [*self._same.values(), start, end, sha256(content).hexdigest(), record["error"]]
+        return record | {"id": identity(parts)}
 
     def _is_silent(self, reading: Reading) -> bool:
         """Tell whether the shaft turns too slowly, or has not turned for long enough."""

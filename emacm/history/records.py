@@ -80,20 +80,26 @@ SCHEMA = {
 """JSON Schema of a record; that of an alarm is `ALARM`."""
 
 
-def record_of(found: Mapping[str, Any], **others: Any) -> dict[str, Any]:
+def record_of(found: Mapping[str, Any] | Any, **others: Any) -> dict[str, Any]:
     """Return a record, whose values are those of JSON.
 
     Parameters
     ----------
-    found : mapping of str to object
-        Some of the fields, as `score` returns them for a recording. Missing ones are empty.
+    found : mapping of str to object, or Reading
+        Some of the fields, as a row of `score`, or a reading of `OrderMonitor`. Missing ones are
+        empty.
     **others : object
-        Further fields. `start` and `end` may be times of pandas; those without a zone are UTC.
+        Further fields, such as `unit`, `recording`, `start` and `end`; the last two are dates, also
+        of pandas, in UTC if they have no zone.
 
     Returns
     -------
     dict
-        The fields of `SCHEMA`.
+        The fields of the JSON Schema that ``emacm schema`` prints.
+
+    See Also
+    --------
+    History : Records in a file of SQLite.
 
     Examples
     --------
@@ -102,7 +108,7 @@ def record_of(found: Mapping[str, Any], **others: Any) -> dict[str, Any]:
     >>> record["decision"], record["P(worn)"], record["end"], record["start"]
     ('worn', 0.75, '2026-03-01T12:00:00.000Z', None)
     """
-    given = {**found, **others}
+    given = {**(found if isinstance(found, Mapping) else _of_reading(found)), **others}
     given["start"], given["end"] = (utc(given.get(name)) for name in ("start", "end"))
     empty = {"alarms": [], "complete": True, "emacm": __version__, "schema": VERSION}
     texts = {name for name, kind in _FIELDS.items() if "null" not in kind.get("type", "")}
@@ -116,6 +122,16 @@ def record_of(found: Mapping[str, Any], **others: Any) -> dict[str, Any]:
         record["decision"] = str(record["decision"])
     record["id"] = record["id"] or identity(record[name] for name in ("unit", "recording", "start"))
     return record
+
+
+def _of_reading(reading: Any) -> dict[str, Any]:
+    names = ("decision", "expected_cost", "typicality", "complete", "error")
+    found = {name: getattr(reading, name) for name in names}
+    found |= {f"P({label})": value for label, value in reading.posterior.items()}
+    outside = reading.outside_training
+    found["outside_training"] = "; ".join(outside)
+    found["warnings"] = "; ".join(text for text in reading.defects if text not in outside)
+    return found | {"stream_start": reading.start, "stream_end": reading.time}
 
 
 def _plain(value: Any) -> Any:
