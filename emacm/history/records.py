@@ -120,7 +120,8 @@ def record_of(found: Mapping[str, Any] | Any, **others: Any) -> dict[str, Any]:
         record[name] = value
     if record["decision"] is not None:
         record["decision"] = str(record["decision"])
-    record["id"] = record["id"] or identity(record[name] for name in ("unit", "recording", "start"))
+    where = ("unit", "recording", "start", "end", "stream_start", "stream_end", "model")
+    record["id"] = record["id"] or identity(record[name] for name in where)
     return record
 
 
