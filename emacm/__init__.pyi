@@ -37,7 +37,6 @@ from .machine.motors import Motor as Motor
 from .machine.rolling import BallScrew as BallScrew
 from .machine.rolling import Bearing as Bearing
 from .models.find_faults import find_faults as find_faults
-from .models.model_files import describe_model as describe_model
 from .models.model_files import load_model as load_model
 from .models.model_files import save_model as save_model
 from .models.recipes import actuator_recipe as actuator_recipe
@@ -49,6 +48,7 @@ from .orders.order_cross_spectrum import OrderCrossSpectrum as OrderCrossSpectru
 from .orders.order_psd import OrderPSD as OrderPSD
 from .recordings.recording import Recording as Recording
 from .reports.maintenance import maintenance_report as maintenance_report
+from .reports.model_cards import describe_model as describe_model
 from .resampling.order_resampler import OrderResampler as OrderResampler
 from .shaft.angle import angle_from_currents as angle_from_currents
 from .shaft.angle import angle_from_position as angle_from_position

@@ -20,7 +20,7 @@ def add_parsers(commands: Any) -> None:
         The subcommands.
     """
     methods = (_example, _inspect, _find, _train, _score, _monitor, _alarms, _report, _trend)
-    for add_options in (*methods, _schema, _verify):
+    for add_options in (*methods, _schema, _describe, _verify):
         add_options(partial(_command, commands))
 
 
@@ -170,6 +170,8 @@ def _train(command: Add) -> None:
     add("--cost", type=_existing, metavar="CSV", help="costs, as for score")
     add("--priors", metavar="P", help="priors, as for score")
     add("--note", metavar="TEXT", help="text that is stored in the model file")
+    add("--intended-use", metavar="TEXT", help="what the model is for, for its model card")
+    add("--limits", metavar="TEXT", help="what the model is not for, for its model card")
     add("--jobs", type=int, default=1, metavar="N", help="folds in parallel")
 
 
@@ -333,13 +335,34 @@ def _trend(command: Add) -> None:
     _add_extent(add)
 
 
+def _describe(command: Add) -> None:
+    add = command("describe", "print the model card of a model file, without loading the model")
+    add("model", metavar="MODEL", type=_existing, help="file of emacm train or emacm.save_model")
+    _add_record(add)
+
+
 def _verify(command: Add) -> None:
     add = command(
         "verify",
-        "compute known answers of the field on this computer, and compare them",
+        "compute known answers of the field on this computer; or the evaluation of a model again",
         "0 if all are within their tolerance; 1 if one is not; 2 for invalid arguments.",
+        _check_verify,
     )
-    out = "write the table into this file (.txt, .json or .html); default: standard output"
+    model = "file of emacm train, whose figures are computed again from --data"
+    add("model", metavar="MODEL", type=_existing, nargs="?", help=model)
+    add("--layout", type=_existing, metavar="L", help="layout of the files (TOML)")
+    add("--data", type=_existing, metavar="FOLDER", help="folder of the training files")
+    _add_record(add)
+
+
+def _check_verify(options: argparse.Namespace) -> None:
+    if len({options.model is None, options.layout is None, options.data is None}) > 1:
+        raise ValueError("give MODEL, --layout and --data together, or none of them.")
+
+
+def _add_record(add: Add) -> None:
+    """Add where a record is written."""
+    out = "write it into this file (.txt, .json or .html); default: text on standard output"
     add("--out", type=_record, metavar="FILE", help=out)
     add("--json", action="store_true", help="JSON on standard output")
 

@@ -25,7 +25,7 @@ from emacm.decisions.pipelines import final_estimator
 from emacm.files.folder import FileRecording, open_recording
 from emacm.files.layout import Layout
 from emacm.history.records import identity, record_of
-from emacm.models.model_files import describe_model, load_model
+from emacm.models.model_files import load_model, model_description
 from emacm.models.scoring import check_model, scored_rows
 from emacm.recordings.digests import digest_of_file
 from emacm.recordings.names import printable
@@ -69,7 +69,7 @@ class _Work:
         settings = (digest_of_file(options.model), layout.key, repr(layout.meta), costs)
         self._settings_digest = sha256(repr((*settings, options.priors)).encode()).hexdigest()
         self._same = {"model": model_digest(model)}
-        self._same["model_note"] = describe_model(options.model)["note"] or ""
+        self._same["model_note"] = model_description(options.model)["note"] or ""
         self._columns = columns_of(model)
         self._reported = time.monotonic()
         self._table = None if options.out is None else result_table(options.out, model)

@@ -18,7 +18,7 @@ from emacm.history.alarm_states import AlarmStates, reasons_of
 from emacm.history.false_alarms import AlarmSetting, alarm_setting
 from emacm.history.records import identity, record_of
 from emacm.history.sinks import JsonLines, sinks_of
-from emacm.models.model_files import describe_model
+from emacm.models.model_files import model_description
 from emacm.recordings.names import printable
 from emacm.reports.facts import healthy_label
 from emacm.streams.streamed_models import Reading
@@ -48,7 +48,7 @@ class StreamRecords:
         source = options.source
         unit = options.name or ("" if source == "-" else Path(source).stem)
         self._same = {"unit": unit, "recording": printable(Path(source))}
-        self._same["model_note"] = describe_model(options.model)["note"] or ""
+        self._same["model_note"] = model_description(options.model)["note"] or ""
         self._same["model"] = model_digest(model)
         stated = options.healthy or getattr(model, "healthy_", None)
         labels = model.classes_.tolist()

@@ -29,6 +29,7 @@ from emacm.evaluation.results import Evaluation, as_texts
 from emacm.files.folder import RecordingFolder
 from emacm.files.layout import Layout
 from emacm.history.sqlite_history import History
+from emacm.models.evidence import training_evidence
 from emacm.models.model_files import load_model, save_model
 from emacm.models.recipes import actuator_recipe, bearing_recipe
 from emacm.orders.bin_transformer import BinTransformer
@@ -76,9 +77,17 @@ def run(options: argparse.Namespace) -> int:
     model.fit(recordings, labels, **groups_options(model, groups))
     _print_rates(model, found)
     _print_channels(model, recordings, labels, groups, healthy, found)
-    save_model(model, options.out, note=options.note, healthy=healthy)
+    stated = _stated(options) | {"recordings": recordings, "model": model}
+    evidence = training_evidence(found, labels, groups, **stated)
+    save_model(model, options.out, note=options.note, healthy=healthy, evidence=evidence)
     print(f"Model: {options.out}")
     return 0
+
+
+def _stated(options: argparse.Namespace) -> dict[str, Any]:
+    """Return what the evidence states as it was given."""
+    keys = (options.labels, options.groups)
+    return {"keys": keys, "intended_use": options.intended_use, "limits": options.limits}
 
 
 def _learn_again(options: argparse.Namespace, layout: Layout) -> int:
@@ -109,7 +118,8 @@ def _learn_again(options: argparse.Namespace, layout: Layout) -> int:
     classifier.fit(features, labels, **groups_options(classifier, groups))
     model = Pipeline([*old.steps[:-1], (old.steps[-1][0], classifier)])
     _print_rates(model, found)
-    save_model(model, options.out, note=options.note, healthy=healthy)
+    evidence = training_evidence(found, labels, groups, **_stated(options))
+    save_model(model, options.out, note=options.note, healthy=healthy, evidence=evidence)
     print(f"Model: {options.out}")
     return 0
 

@@ -1,27 +1,32 @@
-"""The command ``emacm verify``: known answers computed on this computer."""
+"""The command ``emacm verify``: known answers, or the evaluation of a model, computed again."""
 
 from __future__ import annotations
 
 import argparse
 
-from emacm._saved import written_whole
+from emacm.files.folder import RecordingFolder
+from emacm.files.layout import Layout
+from emacm.models.model_files import model_description
+from emacm.reports.plain_pages import written_record
+from emacm.verification.models import verify_model
 from emacm.verification.record import verify
 
 
 def run(options: argparse.Namespace) -> int:
-    """Compute the answers, and print or write the table.
+    """Compute, compare, and print or write the table.
 
     Returns
     -------
     int
-        0 if all are within their tolerance, else 1.
+        0 if all values are within their tolerance, else 1.
     """
-    found = verify()
-    if options.out is None:
-        print(found.to_json() if options.json else found)
+    if options.model is None:
+        found = verify()
     else:
-        forms = {".json": found.to_json, ".html": found.to_html, ".txt": found.__str__}
-        with written_whole(options.out) as unfinished:
-            unfinished.write_text(forms[options.out.suffix](), encoding="utf-8")
-        print(f"{found.summary}: {options.out}")
+        evidence = model_description(options.model).get("evidence") or {}
+        pattern = evidence.get("pattern") or "**/*"
+        layout = Layout.from_toml(options.layout)
+        found = verify_model(options.model, RecordingFolder(options.data, layout, pattern))
+    text = written_record(found, options.out, as_json=options.json)
+    print(text or f"{found.summary}: {options.out}")
     return 0 if found.passed else 1

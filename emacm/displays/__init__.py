@@ -9,6 +9,7 @@
   detections by signal and condition.
 - `EvaluationDisplay`: random split and splits by run, unit and condition, confusion matrix, and
   reliability of the posterior probabilities.
+- `DomainDisplay`: speeds and conditions of training recordings.
 - `UnknownRocDisplay`: how well families left out of training are recognised as unknown.
 - `FaultLinesDisplay`: order spectrum of the envelope, its background and the predicted lines;
   `KurtogramDisplay`: spectral kurtosis by band.
@@ -26,6 +27,7 @@ legends.
 from emacm.displays.bearings import FaultLinesDisplay, KurtogramDisplay
 from emacm.displays.components import ExplainedVarianceDisplay, LoadingsDisplay
 from emacm.displays.contributions import ContributionsDisplay
+from emacm.displays.domain import DomainDisplay
 from emacm.displays.evaluation import EvaluationDisplay, UnknownRocDisplay
 from emacm.displays.monitoring import AlarmDisplay, RemainingLifeDisplay, TrendDisplay
 from emacm.displays.order_map import OrderMapDisplay
@@ -38,6 +40,7 @@ __all__ = [
     "AlarmDisplay",
     "ContributionsDisplay",
     "DecisionRegionsDisplay",
+    "DomainDisplay",
     "EvaluationDisplay",
     "ExplainedVarianceDisplay",
     "FaultLinesDisplay",

@@ -61,7 +61,12 @@ def _is_ours(name: str) -> bool:
 
 
 def save_model(
-    model: Any, path: str | os.PathLike[str], *, note: str | None = None, healthy: Any = None
+    model: Any,
+    path: str | os.PathLike[str],
+    *,
+    note: str | None = None,
+    healthy: Any = None,
+    evidence: Mapping[str, Any] | None = None,
 ) -> None:
     """Save a fitted model in a file that contains no pickled code.
 
@@ -82,6 +87,8 @@ def save_model(
     healthy : label, optional
         The class of healthy recordings, to which reports refer. It becomes the attribute
         ``healthy_`` of the model, and is stored with it.
+    evidence : mapping, optional
+        What `emacm.models.evidence.training_evidence` returns, as ``emacm train`` stores it.
 
     Raises
     ------
@@ -136,7 +143,7 @@ def save_model(
                 f"functions of NumPy or SciPy only, or joblib.dump, whose files execute code."
             ) from error
     _check_types(skops.get_untrusted_types(data=stored))
-    about = json.dumps(_description(model, note), default=str).encode()
+    about = json.dumps(_description(model, note, evidence), default=str).encode()
     body = len(about).to_bytes(8, "little") + about + stored
     content = _START + sha256(body).hexdigest().encode() + b"\n" + body
     with written_whole(file) as unfinished:
@@ -203,7 +210,7 @@ def load_model(path: str | os.PathLike[str]) -> Any:
     return model
 
 
-def describe_model(path: str | os.PathLike[str]) -> dict[str, Any]:
+def model_description(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Return what a model file states about its model, without loading the model.
 
     Parameters
@@ -217,8 +224,9 @@ def describe_model(path: str | os.PathLike[str]) -> dict[str, Any]:
         "note", "saved" (time, UTC), "versions", "model" (class), "steps", "classes",
         "healthy" (None if it was not stated), "decisions",
         "cost" (rows: decisions, columns: truths), "truths", "priors", "channels", "units" and
-        "training_range" (of the training recordings of each resampler) and "check" (rows of
-        features with their posteriors).
+        "training_range" (of the training recordings of each resampler), "check" (rows of
+        features with their posteriors) and "evidence" (see
+        `emacm.models.evidence.training_evidence`; None if it was not stored).
 
     Raises
     ------
@@ -265,7 +273,9 @@ def _read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], bytes]:
         return json.loads(body[8 : 8 + length]), body[8 + length :]
 
 
-def _description(model: Any, note: str | None) -> dict[str, Any]:
+def _description(
+    model: Any, note: str | None, evidence: Mapping[str, Any] | None
+) -> dict[str, Any]:
     fitted = fitted_resamplers(model)
     lists = {name: _plain(model, name) for name in ("classes", "decisions", "truths", "cost")}
     return {
@@ -281,6 +291,7 @@ def _description(model: Any, note: str | None) -> dict[str, Any]:
         "units": [getattr(part, "training_units_", {}) for part in fitted],
         "training_range": [getattr(part, "training_range_", None) for part in fitted],
         "check": list(_check_rows(model)),
+        "evidence": evidence,
     }
 
 

@@ -14,7 +14,7 @@ import sklearn
 
 from emacm._version import __version__
 from emacm.decisions.pipelines import final_estimator, fitted_resamplers
-from emacm.models.model_files import describe_model
+from emacm.models.model_files import model_description
 from emacm.recordings.recording import Recording
 
 
@@ -204,7 +204,7 @@ def model_facts(model: Any, path: Path | None = None) -> Facts:
     facts = [("Model", type(model).__name__ + ", in memory: not saved to a file")]
     saved: Mapping[str, str] = {}
     if path is not None:
-        about, digest = describe_model(path), sha256(path.read_bytes()).hexdigest()[:16]
+        about, digest = model_description(path), sha256(path.read_bytes()).hexdigest()[:16]
         facts = [("Model", f"{path.name}, saved {about['saved']}"), ("Digest", digest)]
         facts += [("Note", str(about["note"]))] if about["note"] else []
         saved = about["versions"]

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import os
 import re
-from base64 import b64encode
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from hashlib import sha256
 from html import unescape
-from io import BytesIO
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -28,6 +26,7 @@ from emacm.recordings.names import printable
 from emacm.reports.facts import decisions_of, healthy_label, model_facts, when
 from emacm.reports.pages import URGENCIES, Page, Settings, page_of
 from emacm.reports.pictures import drawn
+from emacm.reports.plain_pages import encoded_svg
 
 
 def templates() -> Any:
@@ -226,10 +225,7 @@ class Reports:
 def _with_picture(page: Page) -> tuple[Page, str, str]:
     """Return a page, its picture as SVG in base64, and what it shows; empty if there is none."""
     figure, description = drawn(page)
-    buffer = BytesIO()
-    if figure is not None:
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return page, b64encode(buffer.getvalue()).decode(), description
+    return page, "" if figure is None else encoded_svg(figure), description
 
 
 def _write(file: Path, template: str, **content: Any) -> Path:

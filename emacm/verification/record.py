@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from hashlib import sha256
 from inspect import getmembers, isfunction
@@ -42,6 +42,15 @@ class Verification:
     left_out: tuple[str, ...]
     seconds: float
 
+    @classmethod
+    def of(cls, table: pd.DataFrame, left_out: Iterable[str], start: float) -> Verification:
+        """Compare the columns "expected" and "computed"; `start` is a time of `perf_counter`."""
+        difference = table["computed"] - table["expected"]
+        passed = difference.abs() <= table["tolerance"]
+        order = ["what", "source", "expected", "computed", "difference", "tolerance", "passed"]
+        compared = table.assign(difference=difference, passed=passed)[order]
+        return cls(compared, tuple(left_out), perf_counter() - start)
+
     @property
     def passed(self) -> bool:
         """Whether there are answers, and all are within their tolerance."""
@@ -76,7 +85,7 @@ class Verification:
     def to_html(self) -> str:
         """Return table and facts as a page."""
         facts = pd.Series(self.facts()).to_frame().to_html(header=False)
-        title = "Known answers, computed by emacm"
+        title = "Known values, computed again by emacm"
         return plain_page(title, f"<p>{self.summary}</p>{self._repr_html_()}{facts}")
 
     def _repr_html_(self) -> str:
@@ -154,11 +163,7 @@ def verify(answers: pd.DataFrame | None = None) -> Verification:
             answers.loc[[name], "source"] = f"{type(error).__name__}: {error}"
         else:
             computed.update(pd.Series({(name, key): value for key, value in found.items()}))
-    table = answers.assign(computed=computed)
-    table["difference"] = table["computed"] - table["expected"]
-    table["passed"] = table["difference"].abs() <= table["tolerance"]
-    order = ["what", "source", "expected", "computed", "difference", "tolerance", "passed"]
-    return Verification(table[order], tuple(left_out), perf_counter() - start)
+    return Verification.of(answers.assign(computed=computed), left_out, start)
 
 
 def _code_digest() -> str:

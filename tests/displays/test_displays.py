@@ -20,6 +20,7 @@ from emacm.displays import (
     AlarmDisplay,
     ContributionsDisplay,
     DecisionRegionsDisplay,
+    DomainDisplay,
     EvaluationDisplay,
     ExplainedVarianceDisplay,
     FaultLinesDisplay,
@@ -57,6 +58,7 @@ ONE_OF_EACH = [
     AlarmDisplay([3.0, 4.0, 8.0], [0.5, 6.0, 5.5], 5.0),
     ContributionsDisplay(BINS, [1.0, -1.0]),
     DecisionRegionsDisplay([0, 1], [0, 2], [[0, 1], [0, 1]], ["a", "b"], POINTS, ["a", "b"]),
+    DomainDisplay(pd.DataFrame({"state": ["a"], "slowest": [10.0], "fastest": [20.0]})),
     EvaluationDisplay(
         pd.DataFrame(RATE, index=["by run"]),
         pd.DataFrame([[3, 0], [1, 2]], index=["a", "b"], columns=["a", "b"]),

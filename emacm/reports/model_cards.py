@@ -1,0 +1,153 @@
+"""Model cards: what a model file states about its model, as tables and a picture."""
+
+from __future__ import annotations
+
+import html
+import importlib.util
+import json
+import os
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from emacm.displays._drawing import offscreen_panels
+from emacm.displays.domain import DomainDisplay
+from emacm.evaluation.results import as_texts
+from emacm.models.evidence import evidence_table
+from emacm.models.model_files import model_description
+from emacm.reports.plain_pages import embedded, plain_page
+
+
+class ModelCard(dict[str, Any]):
+    """What a model file states about its model; printed as a model card.
+
+    It is a dictionary with the keys of `emacm.models.model_files.model_description`.
+    """
+
+    @property
+    def evidence(self) -> dict[str, Any]:
+        """The evidence; empty if none was stored."""
+        return self.get("evidence") or {}
+
+    def facts(self) -> dict[str, str]:
+        """Return what is stated in single sentences."""
+        evidence = self.evidence
+        rates = evidence_table(evidence, "rates")
+        texts = {
+            "Model": f"{self['model']}: {', '.join(self['steps'])}".rstrip(": "),
+            "Saved": self["saved"],
+            "Note": self["note"],
+            "Intended use": evidence.get("intended_use") or "not stated",
+            "Limits": evidence.get("limits") or "not stated",
+            "States": ", ".join(map(str, self["classes"] or ())),
+            "Healthy state": self["healthy"],
+            "Channels": ", ".join(self["channels"]),
+            "Training files": f"{len(evidence['files'])} of known SHA-256" if evidence else None,
+            "Splits": "; ".join(
+                f"{row.split}, {row.folds:g} folds" for row in rates.itertuples() if row.folds > 0
+            ),
+            "Evidence": None if evidence else "none stored; emacm train stores it",
+            "Versions": ", ".join(f"{name} {text}" for name, text in self["versions"].items()),
+        }
+        return {name: str(text) for name, text in texts.items() if text}
+
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """Return tables of text by their titles, without those that would be empty."""
+        evidence = self.evidence
+        costs = pd.DataFrame(self["cost"], self["decisions"], self["truths"])
+        rates, confusion, calibration = (
+            evidence_table(evidence, name) for name in ("rates", "confusion", "calibration")
+        )
+        tables = {
+            "Costs (rows: decisions, columns: true states)": costs,
+            "Training recordings": evidence_table(evidence, "states").set_index("state")
+            if evidence
+            else costs[:0],
+            "Recordings held out (95 % intervals over whole units)": as_texts(
+                rates.set_index("split") if evidence else rates
+            ).T,
+            "Whole units held out, decisions (rows) and true states (columns)": confusion.set_index(
+                "decided"
+            )
+            if len(confusion)
+            else confusion,
+            "Calibration, whole units held out": calibration.round(3),
+            "Operating conditions of the training": self._ranges(),
+        }
+        return {title: table for title, table in tables.items() if len(table)}
+
+    def _ranges(self) -> pd.DataFrame:
+        ranges = {
+            f"{name}{f' of resampler {number}' if number else ''}": ends
+            for number, own in enumerate(self["training_range"])
+            for name, ends in (own or {}).items()
+        }
+        points = evidence_table(self.evidence, "domain").select_dtypes("number")
+        ranges |= {name: (points[name].min(), points[name].max()) for name in points}
+        for name in ("slowest", "fastest"):
+            if name in ranges:
+                ranges[f"{name} [rpm]"] = tuple(30 / np.pi * np.array(ranges.pop(name)))
+        return pd.DataFrame(ranges, ["lowest", "highest"]).T.map("{:.5g}".format)
+
+    def to_json(self) -> str:
+        """Return everything that the file states, as JSON."""
+        return json.dumps(self, indent=1)
+
+    def to_html(self) -> str:
+        """Return the card as a page."""
+        return plain_page("Model card", self._repr_html_())
+
+    def _repr_html_(self) -> str:
+        facts = pd.Series(self.facts()).to_frame().to_html(header=False)
+        caveats = "".join(f"<li>{html.escape(t)}</li>" for t in self.evidence.get("caveats", ()))
+        tables = "".join(
+            f"<h2>{html.escape(title)}</h2>{table.to_html()}"
+            for title, table in self.tables().items()
+        )
+        points = evidence_table(self.evidence, "domain")
+        picture = ""
+        if len(points) and importlib.util.find_spec("matplotlib"):
+            figure, axes = offscreen_panels(height=3.4)
+            DomainDisplay(points, healthy=self["healthy"]).plot(ax=axes[0, 0])
+            picture = "<h2>Training domain</h2>" + embedded(figure, "training domain")
+        return f"{facts}<ul>{caveats}</ul>{picture}{tables}"
+
+    def __str__(self) -> str:
+        lines = [f"{name}: {text}" for name, text in self.facts().items()]
+        lines += [f"- {text}" for text in self.evidence.get("caveats", ())]
+        for title, table in self.tables().items():
+            lines += ["", title, table.to_string()]
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+
+def describe_model(path: str | os.PathLike[str]) -> ModelCard:
+    """Return what a model file states about its model, without loading the model.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    ModelCard
+        A dictionary with the keys of `emacm.models.model_files.model_description`, printed as a
+        model card: facts, costs, training recordings, figures of merit with intervals, confusions,
+        calibration, and the range of the operating conditions.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is not a model file, or is damaged.
+
+    See Also
+    --------
+    emacm.save_model : How the file is written.
+    emacm.displays.DomainDisplay : The map of the training domain.
+    """
+    return ModelCard(model_description(path))
