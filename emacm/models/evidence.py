@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Sequence
 from numbers import Real
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from emacm.decisions.pipelines import fitted_resamplers
+from emacm.evaluation.novelty import evaluate_unknown
 from emacm.evaluation.results import Evaluation
 from emacm.files.folder import RecordingFolder
 from emacm.recordings.digests import digest_of_file
@@ -51,7 +54,8 @@ def training_evidence(
         "intended_use", "limits", "labels" and "groups" (the keys), "pattern", "files" (their
         SHA-256 by name), "caveats"; and tables, to be read by `evidence_table`: "states"
         (recordings and units of each), "rates" (figures of merit of each split, with intervals),
-        "confusion" and "calibration" (whole units held out), "domain" (`operating_points`).
+        "confusion" and "calibration" (whole units held out), "left_out" (each family of faults left
+        out of training in turn, see `evaluate_unknown`) and "domain" (`operating_points`).
     """
     counted = pd.DataFrame({"state": labels, "unit": groups}).groupby("state")["unit"]
     calibration = found.calibration
@@ -64,7 +68,10 @@ def training_evidence(
         "calibration": calibration.reset_index(drop=True),
     }
     stated: dict[str, Any] = {"pattern": None, "files": {}}
+    caveats = list(found.caveats)
     if recordings is not None:
+        tables["left_out"], further = _left_out(found, model, recordings, labels, groups)
+        caveats += further
         tables["domain"] = operating_points(recordings, labels, model)
         names = [path.relative_to(recordings.folder).as_posix() for path in recordings.paths]
         digests = dict(zip(names, map(digest_of_file, recordings.paths), strict=True))
@@ -76,14 +83,32 @@ def training_evidence(
         "labels": keys[0],
         "groups": keys[1],
         **stated,
-        "caveats": found.caveats,
+        "caveats": caveats,
         **{name: json.loads(text) for name, text in as_json.items()},
     }
 
 
+def _left_out(
+    found: Evaluation, model: Any, recordings: Any, labels: Sequence[Any], groups: Sequence[Any]
+) -> tuple[pd.DataFrame, list[str]]:
+    """Return how families of faults left out of training are recognised, and caveats.
+
+    The steps before the classifier are those of the model.
+    """
+    if found.stated["unknown"] is None or model is None:
+        return pd.DataFrame(), []
+    features = np.asarray(model[:-1].transform(recordings))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # as for all families
+        classifier, healthy = model[-1], found.stated["healthy"]
+        result = evaluate_unknown(classifier, features, labels, units=groups, healthy=healthy)
+    return result.table.rename_axis("family").reset_index(), result.caveats
+
+
 def evidence_table(evidence: dict[str, Any], name: str) -> pd.DataFrame:
-    """Return a table of `training_evidence`; empty if it is not stated."""
-    return pd.DataFrame(**evidence.get(name, {}))
+    """Return a table of `training_evidence` by its first column; empty if it is not stated."""
+    table = pd.DataFrame(**evidence.get(name, {}))
+    return table.set_index(table.columns[0]) if len(table.columns) else table
 
 
 def operating_points(recordings: Any, labels: Sequence[Any], model: Any = None) -> pd.DataFrame:

@@ -81,6 +81,28 @@ SETTINGS = NamingSettings()
 NONE, NOT_ASSESSED = "none", "not assessed"
 
 
+class FaultTable(pd.DataFrame):
+    """Result of `find_faults`: a DataFrame; notebooks show what was named, with its sentences.
+
+    Whatever is selected or computed from it is a plain DataFrame.
+
+    Examples
+    --------
+    >>> table = FaultTable({"recording": [0], "named": ["BPFI"], "p(BPFI)": [0.0005]})
+    >>> "<td>BPFI</td>" in table._repr_html_(), type(table[["named"]]).__name__
+    (True, 'DataFrame')
+    """
+
+    @property
+    def _constructor(self) -> type[pd.DataFrame]:
+        return pd.DataFrame
+
+    def _repr_html_(self) -> str:
+        shown = ("recording", "channel", "named", "suspected", "explanation")
+        with pd.option_context("display.max_colwidth", None):
+            return self[[name for name in shown if name in self]].to_html(index=False)
+
+
 def find_faults(
     X: Any,
     parts: Part | Mapping[str, float] | Sequence[Part | Mapping[str, float]],
@@ -90,7 +112,7 @@ def find_faults(
     false_alarm: float = 0.01,
     channels: Sequence[str] | None = None,
     healthy: Any = None,
-) -> pd.DataFrame:
+) -> FaultTable:
     """Name the fault of each recording and channel from the geometry of the machine.
 
     No training is needed. A fault is named if its lines are significantly above the local
@@ -122,7 +144,8 @@ def find_faults(
     Returns
     -------
     DataFrame
-        One row for each recording and channel. Columns:
+        One row for each recording and channel; notebooks show "named", "suspected" and
+        "explanation" as a table (`FaultTable`). Columns:
 
         - "recording" (number in X), "channel",
         - "named": name of the fault, or several joined by " + ", the strongest first; "none"; or
@@ -211,7 +234,7 @@ def find_faults(
         found = _Finding.of(measured, limits, false_alarm)
         row = {"recording": measured.number, "channel": measured.channel} | found.columns()
         rows.append(row | {"calibrated": healthy is not None, "explanation": found.text})
-    return pd.DataFrame(rows)
+    return FaultTable(rows)
 
 
 def healthy_scores(

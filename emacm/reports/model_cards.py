@@ -32,8 +32,7 @@ class ModelCard(dict[str, Any]):
 
     def facts(self) -> dict[str, str]:
         """Return what is stated in single sentences."""
-        evidence = self.evidence
-        rates = evidence_table(evidence, "rates")
+        evidence, rates = self.evidence, evidence_table(self.evidence, "rates")
         texts = {
             "Model": f"{self['model']}: {', '.join(self['steps'])}".rstrip(": "),
             "Saved": self["saved"],
@@ -45,7 +44,7 @@ class ModelCard(dict[str, Any]):
             "Channels": ", ".join(self["channels"]),
             "Training files": f"{len(evidence['files'])} of known SHA-256" if evidence else None,
             "Splits": "; ".join(
-                f"{row.split}, {row.folds:g} folds" for row in rates.itertuples() if row.folds > 0
+                f"{row.Index}, {row.folds:g} folds" for row in rates.itertuples() if row.folds > 0
             ),
             "Evidence": None if evidence else "none stored; emacm train stores it",
             "Versions": ", ".join(f"{name} {text}" for name, text in self["versions"].items()),
@@ -54,25 +53,19 @@ class ModelCard(dict[str, Any]):
 
     def tables(self) -> dict[str, pd.DataFrame]:
         """Return tables of text by their titles, without those that would be empty."""
-        evidence = self.evidence
-        costs = pd.DataFrame(self["cost"], self["decisions"], self["truths"])
-        rates, confusion, calibration = (
-            evidence_table(evidence, name) for name in ("rates", "confusion", "calibration")
-        )
+        stated = {
+            name: evidence_table(self.evidence, name)
+            for name in ("states", "rates", "confusion", "left_out", "calibration")
+        }
         tables = {
-            "Costs (rows: decisions, columns: true states)": costs,
-            "Training recordings": evidence_table(evidence, "states").set_index("state")
-            if evidence
-            else costs[:0],
-            "Recordings held out (95 % intervals over whole units)": as_texts(
-                rates.set_index("split") if evidence else rates
-            ).T,
-            "Whole units held out, decisions (rows) and true states (columns)": confusion.set_index(
-                "decided"
-            )
-            if len(confusion)
-            else confusion,
-            "Calibration, whole units held out": calibration.round(3),
+            "Costs (rows: decisions, columns: true states)": pd.DataFrame(
+                self["cost"], self["decisions"], self["truths"]
+            ),
+            "Training recordings": stated["states"],
+            "Recordings held out (95 % intervals over whole units)": as_texts(stated["rates"]).T,
+            "Whole units held out, decisions (rows) and true states": stated["confusion"],
+            "Families of faults left out of training": as_texts(stated["left_out"]).T,
+            "Calibration, whole units held out": stated["calibration"].round(3),
             "Operating conditions of the training": self._ranges(),
         }
         return {title: table for title, table in tables.items() if len(table)}
@@ -109,7 +102,7 @@ class ModelCard(dict[str, Any]):
         picture = ""
         if len(points) and importlib.util.find_spec("matplotlib"):
             figure, axes = offscreen_panels(height=3.4)
-            DomainDisplay(points, healthy=self["healthy"]).plot(ax=axes[0, 0])
+            DomainDisplay(points.reset_index(), healthy=self["healthy"]).plot(ax=axes[0, 0])
             picture = "<h2>Training domain</h2>" + embedded(figure, "training domain")
         return f"{facts}<ul>{caveats}</ul>{picture}{tables}"
 

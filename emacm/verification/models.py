@@ -80,7 +80,7 @@ def _files(stated: dict[str, str], found: dict[str, str]) -> Iterator[Row]:
 
 
 def _states(stated: dict[str, Any], found: dict[str, Any]) -> Iterator[Row]:
-    before, now = (evidence_table(each, "states").set_index("state") for each in (stated, found))
+    before, now = (evidence_table(each, "states") for each in (stated, found))
     for state in before.index.union(now.index):
         for name in before:
             counts = (table[name].get(state, 0) for table in (before, now))
@@ -88,8 +88,9 @@ def _states(stated: dict[str, Any], found: dict[str, Any]) -> Iterator[Row]:
 
 
 def _figures(stated: dict[str, Any], found: dict[str, Any]) -> Iterator[Row]:
-    before, now = (evidence_table(each, "rates").set_index("split") for each in (stated, found))
-    for split, row in before.select_dtypes("number").iterrows():
-        for name, value in row.dropna().items():
-            computed = now[name].get(split, np.nan)
-            yield f"{name.replace('_', ' ')}, {split}", value, computed, 1e-6
+    for table in ("rates", "left_out"):
+        before, now = (evidence_table(each, table) for each in (stated, found))
+        for case, row in before.select_dtypes("number").iterrows():
+            for name, value in row.dropna().items():
+                computed = now.get(name, {}).get(case, np.nan)
+                yield f"{name.replace('_', ' ')}, {before.index.name} {case}", value, computed, 1e-6

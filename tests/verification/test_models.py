@@ -60,7 +60,7 @@ def test_the_card_states_what_the_model_is_for_and_how_it_decided(here, capsys):
     folder = RecordingFolder("files", Layout.from_toml("layout.toml"))
     labels = [recording.meta["state"] for recording in folder]
     found = evaluate(load_model("model.emacm"), folder, labels, units="unit", healthy="healthy")
-    rates = evidence_table(card.evidence, "rates").set_index("split")
+    rates = evidence_table(card.evidence, "rates")
     np.testing.assert_allclose(rates["accuracy_low"], found.table["accuracy_low"], atol=1e-9)
     digests = {path.name: sha256(path.read_bytes()).hexdigest() for path in folder.paths}
     assert card.evidence["files"] == digests
