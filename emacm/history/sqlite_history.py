@@ -37,7 +37,7 @@ SELECT (SELECT record FROM records WHERE unit = units.unit ORDER BY "end" DESC L
 """  # unit after unit by the index: a history of 700,000 records is not read as a whole
 _IS_CHANGED = (  # who acknowledged it is kept; what is written again does not open it again
     "ON CONFLICT (id, since) DO UPDATE SET state = excluded.state, time = excluded.time, "
-    "text = excluded.text WHERE excluded.time > alarms.time"
+    "text = excluded.text WHERE excluded.time >= alarms.time"
 )
 
 

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from emacm.history.records import record_of
-from emacm.history.sinks import MqttSink, sink_of, sinks_of
+from emacm.history.sinks import MqttSink, sink_of
 from emacm.history.sqlite_history import History
 
 pytestmark = pytest.mark.slow
@@ -140,7 +140,8 @@ def queried(history, sql):
 def test_nothing_is_lost_when_the_broker_is_killed_and_started_again(broker, tmp_path):
     base = tmp_path / "h.sqlite"
     with broker.started() as first, subscriber(broker, tmp_path) as messages:
-        sinks, records = sinks_of([broker.url, str(base)]), list(some_records(300))
+        records, history = list(some_records(300)), History(base)
+        sinks = [MqttSink(broker.url, history, patience=60), history]
         for number, record in enumerate(records):
             if number == 100:
                 until(lambda: len(messages()) > 20)
@@ -168,7 +169,7 @@ from emacm.history.sinks import sinks_of
 url, base, records = sys.argv[1:]
 sinks = sinks_of([url, base])
 print("ready", flush=True)
-known = {identity for _, identity in sinks[-1].known()}
+known = {record["id"] for record in sinks[-1].known()}
 for line in open(records):
     record = json.loads(line)
     if record["id"] not in known:  # a process that goes on makes the others again
