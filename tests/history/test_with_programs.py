@@ -137,6 +137,7 @@ def queried(history, sql):
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
+@pytest.mark.filterwarnings("ignore:.*the broker cannot be reached")  # stated while it is away
 def test_nothing_is_lost_when_the_broker_is_killed_and_started_again(broker, tmp_path):
     base = tmp_path / "h.sqlite"
     with broker.started() as first, subscriber(broker, tmp_path) as messages:
