@@ -54,13 +54,15 @@ def main() -> None:
         print(f"[{time.perf_counter() - start:4.0f} s] {line}", file=sys.stderr, flush=True)
 
     chapters = [
-        CHAPTERS[number](quick=options.quick, n_jobs=options.jobs, report=progress)
+        # A quick run takes less time than starting processes.
+        CHAPTERS[number](
+            quick=options.quick, n_jobs=None if options.quick else options.jobs, report=progress
+        )
         for number in dict.fromkeys(options.chapter or CHAPTERS)
     ]
     write_report(options.out, chapters, quick=options.quick)
     findings = [finding for chapter in chapters for finding in chapter.findings]
-    for verdict in (verdict for chapter in chapters for verdict in chapter.verdicts):
-        print(verdict.text)
+    print(*sorted(verdict.text for chapter in chapters for verdict in chapter.verdicts), sep="\n")
     for f in findings:
         if not f.agrees_by_range:
             print(

@@ -146,7 +146,9 @@ def _draw_components(chapter: Chapter, fit: PCA) -> None:
         "Fig. 2.11",
         figure,
         "One draw of Table 2.1 in the plane of its first two components, with ellipses that "
-        "contain 50 and 90 % of each class: the first component separates them.",
+        "contain 50 and 90 % of each class: the first component, with "
+        f"{fit.explained_variance_ratio_[0]:.1%} of the variance (published {_SHARES[0]} %), "
+        "separates them.",
     )
 
 
@@ -214,7 +216,11 @@ def compare_decisions(chapter: Chapter, n_draws: int) -> None:
         model = CostSensitiveGaussianBayes(cost, priors="uniform").fit(points, labels)
         DecisionRegionsDisplay.from_estimator(model, points, labels, names=names, ax=axes[0, 0])
         as_w1, as_w2 = _errors(cost, 0)
-        caption = f"Decisions {words}: {as_w1} wrongly decided as w1, {as_w2} as w2, of 1000 each."
+        printed = " and ".join(map(str, _PRINTED_ERRORS["0-1" if cost is None else "Eq. (2.48)"]))
+        caption = (
+            f"Decisions {words}: {as_w1} wrongly decided as w1, {as_w2} as w2, of 1000 each "
+            f"(published {printed})."
+        )
         chapter.draw(name, figure, caption)
 
 

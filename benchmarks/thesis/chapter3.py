@@ -70,8 +70,7 @@ def reproduce_chapter3(
     # Processes: most of the work holds the interpreter lock, so threads would not help.
     tasks = (delayed(draw)(seed, 10 if quick else N_RUNS) for seed in seeds)
     draws = []
-    # A quick run takes less time than starting processes.
-    for found in Parallel(n_jobs=None if quick else n_jobs, return_as="generator")(tasks):
+    for found in Parallel(n_jobs=n_jobs, return_as="generator")(tasks):
         draws.append(found)
         report(f"chapter 3: draw {len(draws)} of {len(seeds)}")
     index = pd.Index(seeds, name="seed")

@@ -68,14 +68,16 @@ def draw_features(chapter: Chapter) -> None:
     pca = PCA().fit(bins)
     figure, axes = offscreen_panels(height=3.8)
     ExplainedVarianceDisplay.from_estimator(pca, ax=axes[0, 0])
-    caption = "Explained variance of each component, and cumulative sum."
+    share = pca.explained_variance_ratio_[:2].sum()
+    caption = f"Explained variance, and cumulative sum: two have {share:.0%} (published 72 %)."
     chapter.draw("Fig. 3.6", figure, caption)
     figure, axes = offscreen_panels(2, height=5.0)
     LoadingsDisplay.from_estimator(pca, ax=axes[:, 0])
     chapter.draw(
         "Fig. 3.7",
         figure,
-        "Weights of the bins in the first two components: the bins of the defects dominate.",
+        "Weights of the bins in the first two components: the bins of the defects dominate "
+        "(published: bin 11 leads the first with 0.72, bin 4 the second with 0.77).",
     )
     plane = pca.transform(bins)[:, :2]
     model = CostSensitiveGaussianBayes(priors="uniform").fit(plane, labels)
@@ -90,7 +92,9 @@ def draw_features(chapter: Chapter) -> None:
         chapter.draw(name, figure, caption)
     figure, axes = offscreen_panels(height=4.6)
     DecisionRegionsDisplay.from_estimator(model, plane, labels, names=_COMPONENTS, ax=axes[0, 0])
-    chapter.draw("Fig. 3.10", figure, "Decisions under the 0-1 cost, Eq. (2.43).")
+    n_correct = np.sum(model.predict(plane) == labels)
+    caption = f"Decisions under the 0-1 cost: {n_correct} of 120 are correct (published 119)."
+    chapter.draw("Fig. 3.10", figure, caption)
 
 
 def _draw_spectra(
@@ -116,7 +120,7 @@ def _draw_spectra(
         "Fig. 3.4",
         figure,
         "One run of each class before resampling (top: the defects are not visible) and after "
-        "(bottom: lines at orders 3.125 and 10.5).",
+        "(bottom: lines at orders 3.125 and 10.5; published 3.1 and 10.5).",
     )
     figure, axes = offscreen_panels(2, height=6.0)
     orders = chain[1].orders_

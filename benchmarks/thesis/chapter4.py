@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -12,7 +12,16 @@ import pandas as pd
 from chapter4_inputs import inputs_table
 from chapter4_pictures import draw_condition, draw_summary
 from chapter4_spectra import READINGS, SIGNALS, Campaign, pair, run_campaign
-from chapter4_study import OUTCOMES, SCHEMES, Study, classified, outcome_shares, study
+from chapter4_study import (
+    OUTCOMES,
+    SCHEMES,
+    Study,
+    classified,
+    decide,
+    fused,
+    outcome_shares,
+    study,
+)
 from chapter4_tables import (
     conditions_table,
     controls_table,
@@ -60,12 +69,15 @@ _SPEEDS = (
 _CONTROLS = "Tables 4.5 and 4.6 with controls, correct decisions [%]: median (lowest to highest)"
 _FOLDED = "power below order 100 that is folded from above by linear interpolation [%]"
 _ONE_RUN = 1.0  # %, of the 100 test runs of a table
+_AFTERWARDS = (
+    ". Drift, warm-up and mounting of the bench were added because 99 % correct was judged too good"
+)
 _SEES = 75.0  # %: halfway between guessing and no error
 _ALIASED = (
     "Section 4.2 calls the angle step small enough to prevent aliasing. It is not, here: by linear "
     "interpolation, frequencies above order 100 fold, among them the carrier of 10 kHz (table of "
-    "folded power). In Figs. 4.33 to 4.36 and their likes, lines that are at no marked order may "
-    "be folded."
+    "folded power): in condition 3 it is the line at order 67, and in the current those at 55 and "
+    "79 (grey in Figs. 4.33 and 4.34)."
 )
 _READINGS = "readings, one pair of units: correct / false alarm / missed detection [%]"
 
@@ -94,8 +106,8 @@ class Extent(NamedTuple):
     drawn: tuple[int, ...]
 
 
-FULL = Extent((0, 1, 2, 3), 20, 4.0, tuple(READINGS), tuple(CONDITIONS))
-QUICK = Extent((0, 1), 6, 2.0, ("thesis", "band-limited"), (3,))
+FULL = Extent((0, 1, 2, 3), 20, 3.0, tuple(READINGS), tuple(CONDITIONS))
+QUICK = Extent((0, 1), 6, 1.2, ("thesis", "band-limited"), (3,))
 
 
 def reproduce_chapter4(
@@ -106,7 +118,7 @@ def reproduce_chapter4(
     Parameters
     ----------
     quick : bool
-        One pair of units, 8 runs of 3 s, pictures of one condition.
+        Fewer units, fewer and shorter runs, pictures of one condition.
     n_jobs : int, optional
         Number of processes that simulate and estimate spectra.
     report : callable, optional
@@ -131,7 +143,7 @@ def reproduce_chapter4(
         report(f"chapter 4: pair of units {len(studies) + 1} of {len(extent.seeds)}")
         healthy, degraded = thesis_benches(seed=seed, commands=first, duration=extent.duration)
         simulated = run_campaign(
-            (healthy, degraded, replace(healthy, faults=degraded.faults)),
+            (healthy, replace(healthy, faults=degraded.faults), degraded),
             n_runs=extent.n_runs,
             readings=extent.readings if first else ("thesis",),
             keep=first,
@@ -139,7 +151,7 @@ def reproduce_chapter4(
             report=report,
         )
         campaigns.append(simulated)
-        campaign = pair((simulated, 0), (simulated, 1))
+        campaign = pair((simulated, 0), (simulated, 2))
         studies.append(study(campaign, "thesis"))
         if first:
             others = [classified(campaign, name) for name in extent.readings if name != "thesis"]
@@ -152,20 +164,13 @@ def reproduce_chapter4(
                 report(f"chapter 4: pictures of condition {condition}")
     pairs = zip(extent.seeds, studies, strict=True)
     decisions = pd.concat([s.decisions.assign(seed=seed) for seed, s in pairs], ignore_index=True)
-    draw_summary(chapter, decisions)
+    published = pd.DataFrame(PUBLISHED).unstack().str[0]
+    draw_summary(chapter, decisions, published)
     chapter.tables["orders that determine the decisions"] = shares_table(studies)
     _compare(chapter, decisions)
     _compare_conditions(chapter, decisions)
-    correct = {
-        "thesis: a healthy and a degraded unit": _correct(studies),
-        "two healthy units": _correct(
-            classified(pair((one, 0), (other, 0)), "thesis") for one, other in pairwise(campaigns)
-        ),
-        "one unit without and with the fault": _correct(
-            classified(pair((campaign, 0), (campaign, 2)), "thesis") for campaign in campaigns
-        ),
-    }
-    published = pd.DataFrame(PUBLISHED).unstack().str[0]
+    designs = {"thesis: a healthy and a degraded unit": studies} | control_studies(campaigns)
+    correct = {name: correct_shares(found) for name, found in designs.items()}
     chapter.tables = {_CONTROLS: controls_table(correct, published)} | chapter.tables
     chapter.verdicts.append(_verdict(correct))
     chapter.opening = _OPENING
@@ -173,10 +178,29 @@ def reproduce_chapter4(
     return chapter
 
 
-def _correct(studies: Iterable[Study]) -> pd.Series:
-    """Return the correct decisions [%] by scheme, channel and pair of units."""
-    decisions = [found.decisions.assign(pair=number) for number, found in enumerate(studies)]
-    return outcome_shares(pd.concat(decisions), ["scheme", "channel", "pair"])["correct"]
+def control_studies(campaigns: Sequence[Campaign]) -> dict[str, list[Study]]:
+    """Train the classifiers of the thesis on classes that differ in the unit or in the fault only.
+
+    Parameters
+    ----------
+    campaigns : sequence of Campaign
+        Each begins with a healthy unit, and the same unit with the fault.
+    """
+    designs = {
+        "two healthy units": [pair((one, 0), (other, 0)) for one, other in pairwise(campaigns)],
+        "one unit without and with the fault": [pair((c, 0), (c, 1)) for c in campaigns],
+    }
+    return {name: [classified(c, "thesis") for c in pairs] for name, pairs in designs.items()}
+
+
+def correct_shares(studies: Sequence[Study], *, fusion: bool = True) -> pd.Series:
+    """Return the correct decisions [%] by scheme, channel (or fusion) and pair of units."""
+    decisions = [
+        pd.concat([found.decisions, decide(fused(found))]) if fusion else found.decisions
+        for found in studies
+    ]
+    table = pd.concat(table.assign(pair=number) for number, table in enumerate(decisions))
+    return outcome_shares(table, ["scheme", "channel", "pair"])["correct"]
 
 
 def _verdict(correct: Mapping[str, pd.Series]) -> Verdict:
@@ -193,6 +217,7 @@ def _verdict(correct: Mapping[str, pd.Series]) -> Verdict:
         f"degraded; {fault} with one unit without and with the fault. The fault itself is seen by: "
         f"{', '.join(sees) or 'none'}.",
         _CONTROLS,
+        first=True,
     )
 
 
@@ -217,17 +242,12 @@ def _compare(chapter: Chapter, decisions: pd.DataFrame) -> None:
     """Compare each cell of Tables 4.5 and 4.6, with a tolerance of one test run."""
     outcomes = outcome_shares(decisions, ["scheme", "channel", "seed"])
     for scheme, table in SCHEMES.items():
-        rows = {}
         for channel, published in PUBLISHED[scheme].items():
             ours = outcomes.xs((scheme, channel), level=(0, 1))
             for name, value in zip(OUTCOMES, published, strict=True):
                 where = f"{table}, {SIGNALS[channel]}, % {name}"
-                finding = chapter.compare(
-                    where, value, ours[name], _pairs(ours), kind="random", slack=_ONE_RUN
-                )
-                rows[SIGNALS[channel], name] = finding[2:6]
-        frame = pd.DataFrame(rows, index=["published", "ours", "lowest", "highest"]).T
-        chapter.tables[table] = frame.rename_axis(["signal", "% of the test runs"])
+                note = _pairs(ours) + (_AFTERWARDS if channel == "current_a" else "")
+                chapter.compare(where, value, ours[name], note, kind="random", slack=_ONE_RUN)
 
 
 def _compare_conditions(chapter: Chapter, decisions: pd.DataFrame) -> None:

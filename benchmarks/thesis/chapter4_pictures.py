@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.ndimage import uniform_filter1d
 
-from chapter4_spectra import SIGNALS, UNITS, Campaign
+from chapter4_spectra import REVOLUTIONS, SIGNALS, UNITS, Campaign
 from chapter4_study import SCHEMES, Model, Study
 from emacm.displays._drawing import offscreen_panels
 from emacm.displays.outcomes import OutcomesDisplay
@@ -20,9 +21,10 @@ from findings import Chapter
 
 _FIRST, _PER_CONDITION = 5, 12  # Fig. 4.5 is the first of condition 1, which has 12 figures
 _SHOWN = 4.0  # s of a recording
+_FOLDED = 10.0  # ratio of powers, from which on a line is marked as folded
 _RING = FAULT_ORDERS["inner ring"][0]
 # A few marks that remain readable: the orders of section 4.5, and multiples of the inner ring.
-MARKED = {"12": 12.0, "36": 36.0} | {f"{k}xBPFI": k * _RING for k in (1, 4, 7, 10, 13)}
+MARKED = {"12": 12.0, "36": 36.0} | {f"{k}xBPFI": k * _RING for k in (1, 4, 7, 10)}
 _TITLES = {
     "per condition": "one classifier per condition",
     "single": "one classifier for all conditions",
@@ -48,14 +50,14 @@ def draw_condition(chapter: Chapter, campaign: Campaign, study: Study, condition
     frame = campaign.frame
     rows = ((frame["condition"] == condition) & (frame["run"] == 1)).to_numpy()
     own = [model for model in study.models if model.conditions == (condition,)]
-    _draw_spectra(chapter, own, rows, f"Condition {condition}", start + 4)
+    _draw_spectra(chapter, campaign, rows, f"Condition {condition}", start + 4)
     _draw_bins(chapter, own, rows, f"Condition {condition}", start + 6)
     for scheme, first in zip(SCHEMES, (start + 8, start + 10), strict=True):
         chosen = [m for m in study.models if m.scheme == scheme and condition in m.conditions]
         _draw_features(chapter, chosen, condition, first)
 
 
-def draw_summary(chapter: Chapter, decisions: pd.DataFrame) -> None:
+def draw_summary(chapter: Chapter, decisions: pd.DataFrame, published: pd.Series) -> None:
     """Draw the outcomes of all conditions.
 
     Parameters
@@ -64,6 +66,8 @@ def draw_summary(chapter: Chapter, decisions: pd.DataFrame) -> None:
         Receives the pictures.
     decisions : DataFrame
         Result of `decide`, of all pairs.
+    published : Series
+        Correct decisions [%] of Tables 4.5 and 4.6, by scheme and channel.
     """
     for scheme, name in zip(SCHEMES, ("Figs. 4.65-4.68", "Figs. 4.69-4.72"), strict=True):
         chosen = decisions[decisions["scheme"] == scheme]
@@ -74,11 +78,12 @@ def draw_summary(chapter: Chapter, decisions: pd.DataFrame) -> None:
         counts = pd.crosstab([named["channel"], named["condition"]], named["outcome"])
         counts.columns.name = None
         counts = counts.reindex(list(SIGNALS.values()), level=0)
+        shares = ", ".join(f"{SIGNALS[c]} {share:g}" for c, share in published[scheme].items())
         chapter.draw(
             name,
             OutcomesDisplay(counts).plot().figure_,
             f"Outcomes by signal and condition, {_TITLES[scheme]}: test runs of all pairs of "
-            "units.",
+            f"units. Published, correct in all conditions ({SCHEMES[scheme]}) [%]: {shares}.",
         )
 
 
@@ -99,15 +104,34 @@ def _draw_signals(chapter: Chapter, campaign: Campaign, condition: int, first: i
         chapter.draw(f"Fig. 4.{number}", display.figure_, caption)
 
 
-def _draw_spectra(chapter: Chapter, models: list[Model], rows: Any, title: str, first: int) -> None:
-    table = pd.concat([model.signal.spectra for model in models], axis=1)[rows]
-    health = models[0].signal.frame["health"][rows]
-    display = OrderSpectrumDisplay.from_table(
-        table, labels=health, unit=UNITS, fault_orders=MARKED, slip=0
+def _draw_spectra(chapter: Chapter, campaign: Campaign, rows: Any, title: str, first: int) -> None:
+    """Draw the spectra of both units, and where those of the degraded one are folded."""
+    read, limited = (
+        pd.concat([campaign.spectra[reading][name] for name in SIGNALS], axis=1)[rows]
+        for reading in ("thesis", "band-limited")
     )
+    health = campaign.frame["health"][rows]
+    degraded = (health == "degraded").to_numpy()
+    display = OrderSpectrumDisplay.from_table(
+        pd.concat([read, limited[degraded]]),
+        labels=[*health, *health[degraded] + ", band-limited"],
+        unit=UNITS,
+        fault_orders=MARKED,
+        slip=0,
+    )
+    smooth = {  # over one order
+        label: uniform_filter1d(spectra, REVOLUTIONS) for label, spectra in display.spectra.items()
+    }
+    folded = smooth["degraded"] > _FOLDED * smooth["degraded, band-limited"]
+    for panel, where in zip(display.ax_, folded, strict=True):
+        grey = {"color": "0.88", "linewidth": 0, "zorder": 0}
+        above = panel.get_xaxis_transform()
+        panel.fill_between(display.orders, 0, 1, where=where, transform=above, **grey)
     caption = (
         f"{title}, order PSD of run 1 of both units, before the filter. Marked are orders "
-        "12 and 36 of section 4.5, and multiples of the order of the inner ring."
+        "12 and 36 of section 4.5, and multiples of the order of the inner ring. Grey: at least "
+        "90 % of the power of the degraded unit is folded from above order 100, as the "
+        "band-limited spectrum shows."
     )
     chapter.draw(_range(first), display.figure_, caption)
 

@@ -12,6 +12,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from emacm.orders.bin_transformer import BinTransformer
+from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler
@@ -26,6 +27,13 @@ SIGNALS = {  # channel: name in the thesis
     "current_a": "Current",
     "accelerometer": "Y Accelerometer",
 }
+CROSS = "cross spectra"
+PAIRS = (  # of the cross spectra
+    ("current_a", "velocity"),
+    ("current_a", "accelerometer"),
+    ("velocity", "lvdt"),
+    ("velocity", "accelerometer"),
+)
 UNITS = {"lvdt": "in", "velocity": "rad/s", "current_a": "A", "accelerometer": "g"}
 REVOLUTIONS = 8  # of a segment; not in the thesis. Condition 1 makes 14 revolutions in 10 s.
 MIN_SPEED = 1.0  # rad/s; below it, noise of the resolver divides strokes
@@ -85,14 +93,24 @@ class Reading:
         return BinTransformer(1.0, max_order=self.max_order, stop_bands=stop_bands)
 
     def spectra(self, recording: Recording) -> dict[str, pd.DataFrame]:
-        """Return the order spectra of a recording by channel, of one row each [unit²/order]."""
+        """Return the order spectra of a recording by channel, of one row each [unit²/order].
+
+        Also, as `CROSS`, the logarithm of the frequency responses of `PAIRS` in bins of 4 orders.
+        """
         psd = OrderPSD(REVOLUTIONS, short="pad", detrend=self.detrend).set_output(
             transform="pandas"
         )
-        table = psd.fit_transform(self.resampler.fit_transform([recording]))
+        turned = self.resampler.fit_transform([recording])
+        table = psd.fit_transform(turned)
         n_orders = len(psd.orders_)
         starts = {name: number * n_orders for number, name in enumerate(SIGNALS)}
-        return {name: table.iloc[:, start : start + n_orders] for name, start in starts.items()}
+        cross = OrderCrossSpectrum(
+            REVOLUTIONS, pairs=PAIRS, kind="response", form="log", bin_size=4, short="pad"
+        ).set_output(transform="pandas")
+        return {
+            **{name: table.iloc[:, start : start + n_orders] for name, start in starts.items()},
+            CROSS: cross.fit_transform(turned),
+        }
 
 
 READINGS = {
@@ -147,7 +165,7 @@ class Campaign:
         "label", "severity", "health" (the class that a study learns: "healthy" for the first bench,
         "degraded" for the others) and "training" (True in the first half of the runs).
     spectra : dict of str to dict of str to DataFrame of shape (n_recordings, n_orders)
-        Order spectra by reading and channel [unit²/order].
+        Order spectra by reading and channel [unit²/order], and `CROSS` spectra.
     kept : dict of int to Recording
         First run of each unit in each condition, by row, if requested.
     """
@@ -189,7 +207,7 @@ def pair(healthy: tuple[Campaign, int], degraded: tuple[Campaign, int]) -> Campa
                 [campaign.spectra[reading][channel].loc[rows] for campaign, rows in parts],
                 ignore_index=True,
             )
-            for channel in SIGNALS
+            for channel in (*SIGNALS, CROSS)
         }
         for reading in parts[0][0].spectra
         if reading in parts[1][0].spectra
@@ -202,18 +220,21 @@ def pair(healthy: tuple[Campaign, int], degraded: tuple[Campaign, int]) -> Campa
 def run_campaign(
     benches: Sequence[LaboratoryBench],
     *,
+    conditions: Sequence[int] = tuple(CONDITIONS),
     n_runs: int = 20,
     readings: Sequence[str] = ("thesis",),
     keep: bool = False,
     n_jobs: int | None = None,
     report: Report = silent,
 ) -> Campaign:
-    """Simulate the units in all conditions, each recording once, and estimate order spectra.
+    """Simulate the units, each recording once, and estimate order spectra.
 
     Parameters
     ----------
     benches : sequence of LaboratoryBench
         Units, the healthy one first, such as `thesis_benches`.
+    conditions : sequence of int
+        Rows of Table 4.3.
     n_runs : int
         Runs of each unit in each condition; the first half is for training.
     readings : sequence of str
@@ -241,7 +262,7 @@ def run_campaign(
     runs = [
         (bench, number, run)
         for bench in benches
-        for number in CONDITIONS
+        for number in conditions
         for run in range(1, n_runs + 1)
     ]
     n_each = len(runs) // len(benches)
@@ -270,7 +291,7 @@ def run_campaign(
     tables = {
         reading: {
             channel: pd.concat([row[reading][channel] for row in rows], ignore_index=True)
-            for channel in SIGNALS
+            for channel in (*SIGNALS, CROSS)
         }
         for reading in readings
     }

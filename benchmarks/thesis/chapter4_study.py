@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from sklearn.base import clone
+from sklearn.compose import make_column_transformer
 from sklearn.decomposition import PCA
 from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.preprocessing import StandardScaler
 
-from chapter4_spectra import READINGS, REVOLUTIONS, SIGNALS, Campaign, Signal
+from chapter4_spectra import CROSS, READINGS, REVOLUTIONS, SIGNALS, Campaign, Signal
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
+from emacm.decisions.posterior_product import PosteriorProduct
 from emacm.explanations.explain import explain_model
 from emacm.explanations.fault_matches import match_fault_orders
 from emacm.machine.fault_orders import fault_orders
@@ -22,6 +27,7 @@ from emacm.simulation.faults import BEARING, POLE_PAIRS
 SCHEMES = {"per condition": "Table 4.5", "single": "Table 4.6"}
 GROUPS = ("inner ring", "electrical noise", "shaft")  # kinds of predicted orders
 LINE_WIDTH = 4 / REVOLUTIONS  # orders: main lobe of a Hann window
+FUSED = ("fusion of decisions", "fusion of features", CROSS)
 OUTCOMES = ("correct", "false alarm", "missed detection")
 _NOISE = (2, 6)  # multiples of the supply: orders 12 and 36 of section 4.5
 _SHAFT = 3  # highest harmonic of the shaft
@@ -66,12 +72,15 @@ class Study(NamedTuple):
         Result of `explain` for each; empty from `classified`.
     decisions : DataFrame
         Result of `decide`.
+    cross : DataFrame
+        `CROSS` spectra of all recordings.
     """
 
     reading: str
     models: list[Model]
     explanations: list[pd.DataFrame]
     decisions: pd.DataFrame
+    cross: pd.DataFrame
 
 
 def study(
@@ -85,19 +94,19 @@ def study(
 def classified(campaign: Campaign, reading: str, channels: Sequence[str] = tuple(SIGNALS)) -> Study:
     """Do as `study`, without explanations."""
     models = [m for channel in channels for m in train(campaign.signal(reading, channel))]
-    return Study(reading, models, [], decide(models))
+    return Study(reading, models, [], decide(models), campaign.spectra[reading][CROSS])
 
 
-def train(signal: Signal) -> list[Model]:
+def train(signal: Signal, classifier: Any = None) -> list[Model]:
     """Train the classifiers of one signal on the first half of the runs.
-
-    Bins of one order, two principal components, Gaussian classes with equal priors and uniform
-    cost (Table 4.4).
 
     Parameters
     ----------
     signal : Signal
         Bins of one channel.
+    classifier : estimator, optional
+        Default: two principal components, and Gaussian classes with equal priors and uniform cost
+        (Table 4.4).
 
     Returns
     -------
@@ -108,11 +117,37 @@ def train(signal: Signal) -> list[Model]:
     groups = [("per condition", (number,)) for number in known] + [("single", tuple(known))]
     models = []
     for scheme, conditions in groups:
-        pipeline = make_pipeline(PCA(n_components=2), CostSensitiveGaussianBayes(priors="uniform"))
+        pipeline = clone(classifier or make_pipeline(*_steps()))
         rows = signal.rows(conditions, training=True)
         pipeline.fit(signal.bins[rows], signal.frame["health"][rows])
         models.append(Model(scheme, signal, conditions, pipeline))
     return models
+
+
+def _steps() -> list[Any]:
+    return [PCA(n_components=2), CostSensitiveGaussianBayes(priors="uniform")]
+
+
+def fused(found: Study) -> list[Model]:
+    """Train classifiers of all signals, as chapter 5 proposes: each of `FUSED`.
+
+    The signals have different units, so their bins are scaled before two components are taken of
+    all; so are the cross spectra.
+    """
+    signals = {model.signal.channel: model.signal for model in found.models}
+    joint = pd.concat([signal.bins for signal in signals.values()], axis=1)
+    members = [
+        (name, make_pipeline(make_column_transformer(("passthrough", list(bins))), *_steps()))
+        for name, bins in ((name, signal.bins.columns) for name, signal in signals.items())
+    ]
+    scaled = make_pipeline(StandardScaler(), *_steps())
+    tables = (joint, joint, found.cross)
+    classifiers = (PosteriorProduct(members, priors="uniform"), scaled, scaled)
+    return [
+        model
+        for name, table, classifier in zip(FUSED, tables, classifiers, strict=True)
+        for model in train(replace(signals["lvdt"], channel=name, bins=table), classifier)
+    ]
 
 
 def decide(models: Sequence[Model]) -> pd.DataFrame:

@@ -10,7 +10,7 @@ from scipy.stats import binomtest
 
 from chapter4_inputs import commanded_speed
 from chapter4_spectra import READINGS, SIGNALS, Campaign
-from chapter4_study import GROUPS, SCHEMES, Study, explained_shares, outcome_shares
+from chapter4_study import FUSED, GROUPS, SCHEMES, Study, explained_shares, outcome_shares
 from emacm.simulation.laboratory import CONDITIONS
 
 _TEST_RUNS = 100  # of the thesis: 2 units, 5 conditions, 10 runs
@@ -102,7 +102,7 @@ def controls_table(correct: Mapping[str, pd.Series], published: pd.Series) -> pd
     Parameters
     ----------
     correct : dict of str to Series
-        For each design the correct decisions [%] by scheme, channel and pair.
+        For each design the correct decisions [%] by scheme, channel (or fusion) and pair.
     published : Series
         Those of Tables 4.5 and 4.6, by scheme and channel.
 
@@ -112,19 +112,19 @@ def controls_table(correct: Mapping[str, pd.Series], published: pd.Series) -> pd
         One row per scheme and signal: the published share, its 95 % interval (Clopper-Pearson, as
         if the test runs were independent), and the median, lowest and highest of each design.
     """
+    columns = ["published", f"95 % interval of {_TEST_RUNS} test runs"]
+    keys = [(scheme, channel) for scheme in SCHEMES for channel in (*SIGNALS, *FUSED)]
     rows = {}
-    for (scheme, channel), share in published.items():
-        runs = binomtest(round(share * _TEST_RUNS / 100), _TEST_RUNS).proportion_ci()
-        rows[SCHEMES[scheme], SIGNALS[channel]] = {
-            "published": f"{share:g}",
-            f"95 % interval of {_TEST_RUNS} test runs": f"{100 * runs.low:.0f} to "
-            f"{100 * runs.high:.0f}",
-        } | {
-            f"{name} ({shares.index.get_level_values('pair').nunique()})": median_and_range(
-                shares[scheme, channel]
-            )
-            for name, shares in correct.items()
-        }
+    for key in keys:
+        row = dict.fromkeys(columns, "")
+        if key in published:
+            runs = binomtest(round(published[key] * _TEST_RUNS / 100), _TEST_RUNS).proportion_ci()
+            limits = f"{100 * runs.low:.0f} to {100 * runs.high:.0f}"
+            row = dict(zip(columns, (f"{published[key]:g}", limits), strict=True))
+        for design, shares in correct.items():
+            n_pairs = shares.index.get_level_values("pair").nunique()
+            row[f"{design} ({n_pairs})"] = median_and_range(shares[key])
+        rows[SCHEMES[key[0]], SIGNALS.get(key[1], key[1])] = row
     table = pd.DataFrame.from_dict(rows, orient="index")
     table.index = pd.MultiIndex.from_tuples(rows, names=["table", "signal"])
     return table
@@ -143,14 +143,15 @@ def folded_table(campaign: Campaign) -> pd.DataFrame:
 
 
 def median_and_range(values: pd.Series) -> str:
-    """Return the median, the lowest and the highest value as text.
+    """Return the median, the lowest and the highest value as text; one number if all are equal.
 
     Examples
     --------
-    >>> median_and_range(pd.Series([50.0, 97, 60]))
-    '60 (50 to 97)'
+    >>> median_and_range(pd.Series([50.0, 97, 60])), median_and_range(pd.Series([24.0, 24]))
+    ('60 (50 to 97)', '24')
     """
-    return f"{values.median():.0f} ({values.min():.0f} to {values.max():.0f})"
+    middle, low, high = (f"{v:.0f}" for v in (values.median(), values.min(), values.max()))
+    return middle if low == high else f"{middle} ({low} to {high})"
 
 
 def conditions_table(campaign: Campaign) -> pd.DataFrame:
@@ -160,8 +161,8 @@ def conditions_table(campaign: Campaign) -> pd.DataFrame:
     resampler = READINGS["thesis"].resampler.set_params(direction="strokes")
     table = resampler.quality([campaign.kept[i] for i in rows])
     table.index = pd.Index(frame["condition"][rows], name="condition")
-    table = table[["revolutions", "strokes", "longest_stroke", "fastest", "max_order"]]
-    table = table.rename(columns={"fastest": "fastest [rad/s]"})
+    names = {"longest_stroke": "longest stroke [revolutions]", "fastest": "fastest [rad/s]"}
+    table = table[["revolutions", "strokes", *names]].rename(columns=names)
     top = READINGS["thesis"].max_order
     table[f"order {top:g} at most [Hz]"] = top * table["fastest [rad/s]"] / (2 * np.pi)
     table["commanded speed [rev/min]"] = [commanded_speed(CONDITIONS[n]) for n in table.index]

@@ -11,7 +11,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from sklearn.pipeline import make_pipeline
 
-from chapter4_spectra import MIN_SPEED, SIGNALS
+from chapter4_spectra import MIN_SPEED, PAIRS, SIGNALS
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
 from emacm.orders.order_psd import OrderPSD
@@ -23,12 +23,6 @@ from findings import Report, silent
 
 CONDITION = 4  # strokes past the jam, under a load that changes its sign: every fault has an effect
 MAX_ORDER = 48
-PAIRS = (
-    ("current_a", "velocity"),
-    ("current_a", "accelerometer"),
-    ("velocity", "lvdt"),
-    ("velocity", "accelerometer"),
-)
 PHASES = ("current_a", "current_b", "current_c")
 _REVOLUTIONS = 8  # the cage turns 0.39 times per revolution
 _OPTIONS: dict[str, Any] = {"duration": 3.0, "fs": 12_000.0, "cutoff": 5000.0, "phases": "abc"}
@@ -75,12 +69,12 @@ FULL = Extent5(
     8,
     3,
     (0.05, 0.1, 0.2, 0.4, 0.7, 1.0),
-    3,
+    6,
     ("inner ring", "screw", "jam"),
     (20, 20),
     (("inner ring", "screw"), ("backlash", "lubrication"), ("ball", "phase imbalance")),
 )
-QUICK = Extent5(8, 12, 3, 2, (0.1, 0.4, 1.0), 1, ("jam",), (8, 10), (("inner ring", "screw"),))
+QUICK = Extent5(8, 12, 3, 2, (0.1, 0.4, 1.0), 2, ("jam",), (8, 10), (("inner ring", "screw"),))
 VARIED = Extent5(20, 40, 4, 1, (1.0,), 0, (), (0, 0))
 VARIED_QUICK = Extent5(6, 6, 1, 1, (1.0,), 0, (), (0, 0))
 
@@ -137,9 +131,9 @@ def severity_of_run(run: int, n_runs: int) -> float:
     return float(0.02 ** (1 - (run - 1) / (n_runs - 1)))
 
 
-def planned_runs(extent: Extent5, spread: float = 1.0) -> list[tuple[str, LaboratoryBench, int]]:
-    """Return role, bench and run of each recording; `spread` is that of units and runs."""
-    options = _OPTIONS | {"unit_spread": spread, "run_spread": spread}
+def planned_runs(extent: Extent5, **spreads: float) -> list[tuple[str, LaboratoryBench, int]]:
+    """Return role, bench and run of each recording; `spreads` are parameters of the bench."""
+    options = _OPTIONS | spreads
     runs: list[tuple[str, LaboratoryBench, int]] = []
     groups = (
         ("training", 0, extent.n_training),
@@ -198,9 +192,9 @@ def compute_features(
     extent: Extent5,
     *,
     condition: int = CONDITION,
-    spread: float = 1.0,
     n_jobs: int | None = None,
     report: Report = silent,
+    **spreads: float,
 ) -> Features:
     """Simulate all recordings, twenty at a time, and return their features.
 
@@ -210,18 +204,18 @@ def compute_features(
         Amount of computation.
     condition : int
         Condition of Table 4.3.
-    spread : float
-        Spread of units and runs, relative to the assumed one.
     n_jobs : int, optional
         Number of processes.
     report : callable, optional
         Receives lines of progress.
+    **spreads : float
+        `unit_spread` and `run_spread` of the bench.
 
     Returns
     -------
     Features
     """
-    runs = planned_runs(extent, spread)
+    runs = planned_runs(extent, **spreads)
     pieces = [runs[start : start + 20] for start in range(0, len(runs), 20)]
     tables: list[tuple[pd.DataFrame, ...]] = []
     n_done = 0

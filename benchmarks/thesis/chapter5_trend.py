@@ -1,6 +1,9 @@
-"""Early detection of a growing fault by control charts."""
+"""Early detection of a growing fault by control charts, and its remaining life."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -10,11 +13,28 @@ from chapter5_data import Features
 from chapter5_detection import Detector, ratios
 from emacm.alarms.control_charts import CUSUM
 
+ALARMS = "units with an alarm"
 _LENGTH = 100.0  # nominal number of runs until a false alarm
 
 
+class Followed(NamedTuple):
+    """One unit, followed by one signal.
+
+    Attributes
+    ----------
+    readings, severity : ndarray of shape (n_runs,)
+        Readings of the runs after the baseline, and the true severities.
+    alarm : int, optional
+        The first run with an alarm.
+    """
+
+    readings: np.ndarray
+    severity: np.ndarray
+    alarm: int | None
+
+
 def trend_table(features: Features, found: dict[str, Detector], n_baseline: int) -> pd.DataFrame:
-    """Return when a chart of each signal raises an alarm while a fault grows.
+    """Return when a chart of each signal raises an alarm while a fault grows, and what remains.
 
     The reading is the logarithm of the largest deviation of `ratios`. Its baseline are the first
     healthy runs of the same unit; a CUSUM chart follows the runs of the growing fault, and for
@@ -32,8 +52,9 @@ def trend_table(features: Features, found: dict[str, Detector], n_baseline: int)
     Returns
     -------
     DataFrame
-        One row per fault and signal: units with an alarm, median severity at the first alarm, and
-        median number of runs from it to severity 1. Alarms of the rows "none" are false.
+        One row per fault and signal: units with an alarm, median severity at the first alarm,
+        median number of runs from it to severity 1, and result of `remaining_error`. Alarms of the
+        rows "none" are false.
     """
     followed = features.frame["role"] == "trend"
     frame = features.frame[followed].reset_index(drop=True)
@@ -41,34 +62,53 @@ def trend_table(features: Features, found: dict[str, Detector], n_baseline: int)
     made = {}
     for fault in pd.unique(frame["label"]):
         for name in readings:
-            alarms = [
-                _first_alarm(readings[name].to_numpy(), rows, fault, n_baseline)
+            units = [
+                _follow(readings[name].to_numpy(), rows, fault, n_baseline)
                 for _, rows in frame.groupby("unit")
             ]
-            raised = [alarm for alarm in alarms if alarm is not None]
-            known = raised if fault != "healthy" else []
-            severity, left = np.median(known, axis=0) if known else (np.nan, np.nan)
-            made["none" if fault == "healthy" else fault, SIGNALS.get(name, name)] = {
-                "units with an alarm": f"{len(raised)} of {len(alarms)}",
-                "severity at the alarm": severity,
-                "runs left until severity 1": left,
-            }
+            raised = [(u.severity[u.alarm], u.alarm) for u in units if u.alarm is not None]
+            row: dict[str, Any] = {ALARMS: f"{len(raised)} of {len(units)}"}
+            if raised and fault != "healthy":
+                severity, run = np.median(raised, axis=0)
+                row["severity at the alarm"] = severity
+                row["runs left until severity 1"] = len(units[0].severity) - 1 - run
+                row["error of the remaining life [runs]"] = remaining_error(units)
+            made["none" if fault == "healthy" else fault, SIGNALS.get(name, name)] = row
     table = pd.DataFrame.from_dict(made, orient="index")
     table.index = pd.MultiIndex.from_tuples(made, names=["fault", "signal"])
     return table
 
 
-def _first_alarm(
-    readings: np.ndarray, frame: pd.DataFrame, fault: str, n_baseline: int
-) -> tuple[float, int] | None:
-    """Return severity and remaining runs at the first alarm, or None."""
+def remaining_error(units: Sequence[Followed]) -> float:
+    """Return the median error of the remaining life from the alarm on, in runs.
+
+    A unit has reached the run at which the median of the other units had its reading: they are
+    taken to grow by the same law, as they do here, so the error is a lower bound.
+
+    Examples
+    --------
+    >>> grown = np.arange(5.0)
+    >>> remaining_error([Followed(grown + offset, grown, 1) for offset in (0, 0.5, -0.5)])
+    0.5
+    """
+    errors = []
+    for number, unit in enumerate(units):
+        others = [other.readings for k, other in enumerate(units) if k != number]
+        if unit.alarm is not None and others:
+            growth = np.maximum.accumulate(np.median(others, axis=0))
+            runs = np.arange(len(growth))
+            reached = np.interp(unit.readings, growth, runs)
+            errors += list(np.abs(reached - runs)[unit.alarm :])
+    return float(np.median(errors)) if errors else np.nan
+
+
+def _follow(readings: np.ndarray, frame: pd.DataFrame, fault: str, n_baseline: int) -> Followed:
+    """Apply a chart to the runs of one unit."""
     healthy = frame[frame["label"] == "healthy"].sort_values("run")
     growing = healthy[n_baseline:]
     if fault != "healthy":
         growing = frame[frame["label"] == fault].sort_values("run")
     chart = CUSUM(arl=_LENGTH).fit(readings[healthy.index[:n_baseline]][:, np.newaxis])
     alarm = chart.update(readings[growing.index][:, np.newaxis]).alarm[:, 0]
-    if not alarm.any():
-        return None
-    first = int(alarm.argmax())
-    return float(growing["severity"].iloc[first]), len(growing) - 1 - first
+    first = int(alarm.argmax()) if alarm.any() else None
+    return Followed(readings[growing.index], growing["severity"].to_numpy(), first)

@@ -13,7 +13,6 @@ from matplotlib import pyplot
 from numpy.typing import ArrayLike
 
 Report = Callable[[str], None]  # receives lines of progress
-KINDS = ("arithmetic", "input", "random")
 
 
 class Finding(NamedTuple):
@@ -64,10 +63,13 @@ class Verdict(NamedTuple):
         The answer with its figures.
     evidence : str
         Name of the table or picture of the chapter that shows them.
+    first : bool
+        Whether that table follows the verdicts, and not in its chapter.
     """
 
     text: str
     evidence: str
+    first: bool = False
 
 
 @dataclass

@@ -55,10 +55,14 @@ def write_report(folder: Path, chapters: Sequence[Chapter], *, quick: bool = Fal
         "counted": counted,
         "base64": lambda image: b64encode(image).decode("ascii"),
     }
+    verdicts = [(verdict, chapter) for chapter in chapters for verdict in chapter.verdicts]
+    verdicts.sort(key=lambda pair: pair[0].text)
     packages = ("numpy", "scipy", "scikit-learn", "pandas", "matplotlib")
     page = environment.get_template("report.html.jinja").render(
         chapters=chapters,
         findings=findings,
+        verdicts=verdicts,
+        first=[verdict.evidence for verdict, _ in verdicts if verdict.first],
         quick=quick,
         versions=", ".join(
             [f"emacm {emacm.__version__}", f"Python {platform.python_version()}"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -331,28 +332,28 @@ class Actuator:
     electrical_noise: float = 1.0
     mark: float = 0.0
 
-    @property
+    @cached_property
     def torque_per_force(self) -> float:
         """Torque per force without friction [m]: ``lead / 2 pi``."""
         return self.screw_lead * inch / (2 * np.pi)
 
-    @property
+    @cached_property
     def torque_constant(self) -> float:
         """Torque per ampere of the current vector [N m/A], by Table 4.1."""
         rated = RATED_FORCE * self.torque_per_force / 0.9  # at the nominal efficiency
         return self.torque_gain * rated / RATED_CURRENT
 
-    @property
+    @cached_property
     def emf_constant(self) -> float:
         """Peak back-EMF of a phase per speed [V s/rad]: ``2/3`` of the torque constant."""
         return 2 / 3 * self.torque_constant
 
-    @property
+    @cached_property
     def max_torque(self) -> float:
         """Torque at the current limit [N m]."""
         return self.torque_constant * self.max_current
 
-    @property
+    @cached_property
     def angle_per_inch(self) -> float:
         """Shaft angle per position [rad/in]."""
         return 2 * np.pi / self.screw_lead

@@ -137,7 +137,9 @@ def test_a_quick_run_has_every_fault_signal_and_question(tmp_path):
     assert float(detection.loc["phase imbalance", PHASED].split()[0]) <= 0.1
     assert detection.loc["cage", PHASED].startswith("–")
     varied = next(t for name, t in chapter.tables.items() if name.startswith("assumptions"))
-    assert len(varied) == 4
+    assert varied.index.tolist() == ["as assumed", "twice the spread of units", "condition 3"]
+    apart = varied["two healthy units: correct [%]"]
+    assert all(len(text.split(" / ")) == len(SIGNALS) for text in apart[:2])
     assert [v.evidence for v in chapter.verdicts] == [
         "early detection of a growing fault", "Severity of detection"
     ]  # fmt: skip
