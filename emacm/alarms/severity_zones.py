@@ -3,14 +3,6 @@
 The zones are general experience with many machines, not a diagnosis: a machine in zone A may have
 a bearing fault, which hardly changes the broad-band velocity. Changes of a machine against its
 own baseline say more (`emacm.monitoring.EWMA`).
-
-References
-----------
-.. [1] ISO 20816-3:2022, Mechanical vibration - Measurement and evaluation of machine vibration -
-   Part 3: Industrial machinery with a power rating above 15 kW and operating speeds between
-   120 r/min and 30 000 r/min; the values are those of ISO 10816-3:2009, Annex A.
-.. [2] ISO 10816-1:1995, Annex B (informative), Table B.1. Withdrawn; still in use for machines
-   that ISO 20816-3 does not cover, such as those below 15 kW.
 """
 
 from __future__ import annotations
@@ -57,7 +49,16 @@ def severity_zones() -> pd.DataFrame:
     -------
     DataFrame
         One row per machine class: "A/B", "B/C" and "C/D" [mm/s rms, 10 to 1000 Hz], "source" and
-        "machines". The boundaries of ISO 10816-1 are informative [2]_.
+        "machines". The boundaries of groups 1 and 2 are those of ISO 20816-3 [1]_; those
+        of classes I to IV, of ISO 10816-1 [2]_, are informative.
+
+    References
+    ----------
+    .. [1] ISO 20816-3:2022, Mechanical vibration - Measurement and evaluation of machine vibration
+       - Part 3: Industrial machinery with a power rating above 15 kW and operating speeds between
+       120 r/min and 30 000 r/min; the values are those of ISO 10816-3:2009, Annex A.
+    .. [2] ISO 10816-1:1995, Annex B (informative), Table B.1. Withdrawn; still in use for machines
+       that ISO 20816-3 does not cover, such as those below 15 kW.
 
     Examples
     --------

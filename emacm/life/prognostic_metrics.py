@@ -1,11 +1,4 @@
-"""Metrics of predictions of the remaining life.
-
-References
-----------
-.. [1] P. Nectoux et al., PRONOSTIA: an experimental platform for bearings accelerated degradation
-   tests, IEEE Int. Conf. on Prognostics and Health Management, 2012, and the rules of the IEEE
-   PHM 2012 data challenge.
-"""
+"""Metrics of predictions of the remaining life."""
 
 from __future__ import annotations
 
@@ -40,6 +33,12 @@ def phm2012_lives(source: str = "official") -> pd.Series:
     ------
     ValueError
         If the source is unknown.
+
+    References
+    ----------
+    .. [1] P. Nectoux et al., PRONOSTIA: an experimental platform for bearings accelerated
+       degradation tests, IEEE Int. Conf. on Prognostics and Health Management, 2012, and the rules
+       of the IEEE PHM 2012 data challenge.
 
     Examples
     --------
@@ -76,6 +75,12 @@ def phm2012_score(true: ArrayLike, predicted: ArrayLike) -> float:
     ------
     TypeError, ValueError
         If the lengths differ, a value is not finite, or a true life is not positive.
+
+    References
+    ----------
+    .. [1] P. Nectoux et al., PRONOSTIA: an experimental platform for bearings accelerated
+       degradation tests, IEEE Int. Conf. on Prognostics and Health Management, 2012, and the rules
+       of the IEEE PHM 2012 data challenge.
 
     Examples
     --------

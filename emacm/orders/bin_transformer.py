@@ -55,12 +55,12 @@ class BinTransformer(OrderTableTransformer):
     ----------
     bins_ : tuple of (low, high)
         Edges of the bins [orders].
-    operator_ : sparse array of shape (n_bins_of_all_channels, n_features_in_)
+    operator_ : sparse array of shape (n_bins_of_all_channels, n_features)
         The operator that is applied to each row.
-    line_maxima_ : ndarray of shape (n_features_in_,)
+    line_maxima_ : ndarray of shape (n_features,)
         Largest height of each spectral line over its local background in the training [dB]; inf
         outside of the bins.
-    new_line_limits_ : ndarray of shape (n_features_in_,)
+    new_line_limits_ : ndarray of shape (n_features,)
         Excess over it [dB] from which a line is stated to be new: at least 4, and exceeded by two
         groups of known recordings in a hundred (`learn_lines`). inf with fewer than five
         recordings or groups.

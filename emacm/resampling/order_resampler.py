@@ -104,7 +104,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
     direction : {"strokes", "forward", "reverse", "travel"}
         "strokes" resamples each stretch of one direction by itself, along its
         own motion; "forward" and "reverse" keep one kind; "travel" is one path over the integral of
-        |speed|, where each reversal mirrors the phases.
+        ``abs(speed)``, where each reversal mirrors the phases.
     min_speed : float
         Speed up to which the measured shaft counts as standing still [rad/s]. Set it above the
         noise of the shaft reference at rest.

@@ -1,0 +1,108 @@
+"""Configuration of the site: ``sphinx-build -W notebooks site`` builds it without a network."""
+
+import importlib
+import os
+from pathlib import Path
+
+os.environ["MPLBACKEND"] = "Agg"
+
+
+import emacm
+
+FOLDER = Path(__file__).parent
+PUBLIC_MODULES = ["emacm", "emacm.monitoring", "emacm.displays", "emacm.simulation"]
+PUBLIC_MODULES += ["emacm.datasets", "emacm.shaft"]
+
+project = "emacm"
+author = copyright = "The emacm developers"
+release = version = emacm.__version__
+
+extensions = [
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "numpydoc",
+    "myst_nb",
+    "sphinx_design",
+    "sphinx_copybutton",
+    "sphinx_gallery.gen_gallery",
+]
+default_role = "py:obj"
+exclude_patterns = ["templates", "gallery", "examples/*.ipynb", "examples/*.py"]
+templates_path = ["templates"]
+
+# Notebooks are stored executed; myst-nb must not run them again.
+nb_execution_mode = "off"
+myst_enable_extensions = ["colon_fence", "deflist"]
+myst_heading_anchors = 3
+
+autosummary_generate = True
+autodoc_typehints = "none"
+autodoc_member_order = "groupwise"
+numpydoc_show_class_members = False  # the template of classes lists them
+
+sphinx_gallery_conf = {
+    "examples_dirs": "gallery",
+    "gallery_dirs": "examples",
+    "filename_pattern": r"\.py$",
+    "within_subsection_order": "FileNameSortKey",
+    "backreferences_dir": "reference/used_in",
+    "doc_module": ("emacm",),
+    "notebook_extensions": {},
+    "download_all_examples": False,
+    "show_memory": False,
+    "show_signature": False,
+    "min_reported_time": 1_000,
+    "thumbnail_size": (400, 280),
+    "plot_gallery": "True",
+}
+
+html_theme = "pydata_sphinx_theme"
+html_title = f"emacm {release}"
+html_static_path = ["static"]
+html_css_files = ["emacm.css"]
+html_copy_source = html_show_sourcelink = False
+html_theme_options = {
+    "logo": {"text": "emacm"},
+    "navbar_align": "left",
+    "header_links_before_dropdown": 6,
+    "show_prev_next": False,
+    "secondary_sidebar_items": ["page-toc"],
+    "footer_start": ["copyright"],
+    "footer_end": [],
+    "pygments_light_style": "a11y-high-contrast-light",
+}
+
+
+def public_names():
+    """Return each public name with the name under which it is documented."""
+    full = {}
+    for module in map(importlib.import_module, PUBLIC_MODULES):
+        for name in getattr(module, "__all__", ["load_cranfield"]):
+            full.setdefault(name, f"{module.__name__}.{name}")
+    return full
+
+
+FULL_NAMES = public_names()
+
+
+def link_bare_name(app, env, node, content):
+    """Link `OrderPSD` and `OrderPSD.fit` from any page, also from docstrings of other modules."""
+    target = node.get("reftarget", "").removesuffix("()")
+    name, *rest = target.split(".")
+    full = ".".join([FULL_NAMES.get(name, name), *rest])
+    if node.get("refdomain") != "py" or full == target:
+        return None
+    domain = env.get_domain("py")
+    return domain.resolve_xref(env, node["refdoc"], app.builder, "obj", full, node, content)
+
+
+def skip_inherited(app, kind, name, member, skip, options):
+    """Leave out the methods that scikit-learn and Python add to a class."""
+    module = getattr(member, "__module__", None) or "emacm"
+    return skip or not module.startswith("emacm") or None
+
+
+def setup(app):
+    """Connect the functions above."""
+    app.connect("missing-reference", link_bare_name)
+    app.connect("autodoc-skip-member", skip_inherited)

@@ -1,0 +1,16 @@
+"""
+What if the shaft reverses?
+===========================
+
+The motion is cut into strokes, which are resampled each along its own direction; no segment of a
+spectrum spans two of them. With `by_direction=True` forward and reverse strokes have spectra of
+their own.
+"""
+
+from emacm.displays import RecordingDisplay
+from emacm.simulation import LaboratoryBench
+
+recording = LaboratoryBench(duration=4, fs=8000, cutoff=3000).record(condition=4)
+RecordingDisplay.from_recording(
+    recording, channels=["lvdt", "current_a"], shade_strokes=True, min_speed=1.0
+)
