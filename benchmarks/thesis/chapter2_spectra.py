@@ -70,7 +70,6 @@ def compare_resampling(chapter: Chapter) -> None:
         10,
         np.diff(rising).mean(),
         "mean distance of upward zero crossings of the resampled signal",
-        kind="arithmetic",
         slack=0.1,
     )
 
@@ -89,7 +88,7 @@ def compare_sine(chapter: Chapter) -> None:
         ("density [1/Hz]", 0.025, density.max()),
         ("frequency of the density [Hz]", 40, hertz[density.argmax()]),
     ):
-        chapter.compare(f"Fig. 2.5, {where}", published, round(ours, 12), note, kind="arithmetic")
+        chapter.compare(f"Fig. 2.5, {where}", published, round(ours, 12), note)
     figure, axes = offscreen_panels(2, 2, height=5.2)
     fine = np.linspace(0, (length - 1) / fs, 1000)
     axes[0, 0].plot(fine, np.sin(TURN * frequency * fine), color=PLAIN, linewidth=0.9)
@@ -129,20 +128,13 @@ def compare_smearing(chapter: Chapter) -> None:
         "The thesis divides the highest order, 30, by L = 256; by its Eqs. (2.14) and (2.22) and "
         "Fig. 2.5 the step is 60 samples per revolution divided by L."
     )
+    name = "Fig. 2.6, highest frequency of the smeared spectrum [Hz]"
+    chapter.compare(name, 100, round(below, 3), smeared)
+    chapter.compare("Fig. 2.7, highest order", 30, orders[-1], "half of 60 samples per revolution")
     peak = "highest line of 256 samples; the range is half a step on either side"
-    for where, published, ours, note, slack in (
-        (
-            "Fig. 2.6, highest frequency of the smeared spectrum [Hz]",
-            100,
-            round(below, 3),
-            smeared,
-            0.0,
-        ),
-        ("Fig. 2.7, highest order", 30, orders[-1], "half of 60 samples per revolution", 0.0),
-        ("Fig. 2.7, order of the peak", 6, orders[spectrum.argmax()], peak, step / 2),
-        ("Fig. 2.7, order step", 0.1172, round(step, 4), divided, 0.0),
-    ):
-        chapter.compare(where, published, round(ours, 9), note, kind="arithmetic", slack=slack)
+    at = orders[spectrum.argmax()]
+    chapter.compare("Fig. 2.7, order of the peak", 6, at, peak, slack=step / 2)
+    chapter.compare("Fig. 2.7, order step", 0.1172, round(step, 4), divided)
     half, narrow = _half_width(hertz, density), _half_width(orders, spectrum)
     chapter.remarks.append(
         f"Smearing: the fewest lines that contain half of the power cover {half:.0f} Hz in Fig. "

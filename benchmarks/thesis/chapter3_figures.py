@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from sklearn.decomposition import PCA
 from sklearn.pipeline import Pipeline
@@ -21,13 +20,7 @@ from emacm.displays import (
     OrderSpectrumDisplay,
     RecordingDisplay,
 )
-from emacm.displays._drawing import (
-    colour_of,
-    legend_above,
-    line_style,
-    offscreen_panels,
-    state_numbers,
-)
+from emacm.displays._drawing import legend_above, line_style, offscreen_panels, state_numbers
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
 from emacm.simulation.chapter3 import CHAPTER3_ORDERS, chapter3_recording, chapter3_recordings
@@ -130,24 +123,3 @@ def _draw_spectra(
         chain, recordings, "current", labels=labels, unit="A", ax=axes[1, 0]
     )
     chapter.draw("Fig. 3.5", figure, "The same runs without orders 5.6 to 6.4, and in 50 bins.")
-
-
-def draw_ablation(chapter: Chapter, ablation: pd.DataFrame) -> None:
-    """Draw the share of new runs that are classified correctly in hertz and in orders."""
-    names = [name for name in ablation.columns if "new runs" in name]
-    figure, axes = offscreen_panels(height=2.8)
-    ax = axes[0, 0]
-    for place, name in enumerate(names):
-        values = ablation[name]
-        ax.plot([values.min(), values.max()], [place] * 2, color=colour_of(place + 1), linewidth=3)
-        ax.plot(values.median(), place, "D", color=colour_of(place + 1), markeredgecolor="black")
-    ax.axvline(100 / len(CHAPTER3_ORDERS), color="0.4", linestyle=":", label="chance level")
-    ax.set_yticks(range(len(names)), [name.rpartition(", ")[0] for name in names])
-    ax.set(xlabel="correct decisions on new runs [%]", xlim=(0, 103), ylim=(-0.6, len(names) - 0.4))
-    legend_above(ax)
-    chapter.draw(
-        "Hertz against orders",
-        figure,
-        f"Median and range of {len(ablation)} draws: bins of 10 Hz against bins of 1 order, "
-        "the same components and classifier; with decibels in place of powers, hertz do better.",
-    )

@@ -18,7 +18,7 @@ from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler
 from emacm.shaft.angle import angle_from_velocity
 from emacm.simulation.chapter3 import CHAPTER3_ORDERS, chapter3_recordings
-from printed_equations import printed_resampling, rectangle_angle
+from printed_equations import printed_resampling
 
 TURN = 2 * np.pi
 FS = 2000.0  # Hz
@@ -43,10 +43,9 @@ class Reading:
         Standard deviation of the noise [A].
     duration : float
         Length of a recording [s].
-    angle : {"trapezoid", "rectangle", "late", "printed", "band-limited"}
-        Resampling: Eq. (2.13) from x(k-1), with the angle by the trapezoidal or the rectangle
-        rule, or by the trapezoidal rule with a delay of 0.3 time samples; Eq. (2.13) as printed; or
-        the default of emacm.
+    angle : {"trapezoid", "late", "printed", "band-limited"}
+        Resampling: Eq. (2.13) from x(k-1), with the angle by the trapezoidal rule, or with a delay
+        of 0.3 time samples; Eq. (2.13) as printed; or the default of emacm.
     zeros : bool
         Whether a recording that is shorter than the window is followed by zeros under the whole
         window. If False, the window is shortened to the recording, and zeros follow it.
@@ -63,13 +62,12 @@ READINGS = (
     Reading("as emacm reads it"),
     Reading("noise of variance 0.25", sigma=0.5),
     Reading("one second of signal", duration=1.0),
-    Reading("angle by the rectangle rule", angle="rectangle"),
     Reading("angle 0.3 samples late", angle="late"),
     Reading("one second, then zeros under the window", duration=1.0, zeros=True),
     Reading("Eq. (2.13) as printed", angle="printed"),
     Reading("emacm's band-limited resampling", angle="band-limited"),
 )
-TAKEN, VARIANCE, SECOND, RECTANGLE, LATE, LITERAL = READINGS[:6]
+TAKEN = READINGS[0]
 _DELAY = 0.3  # time samples
 
 
@@ -195,8 +193,6 @@ def _over_angle(
         rows = [printed_resampling(current, angle, THETA_S) for current in currents.values()]
         return np.array(rows)[:, :N_ANGLES]
     together = Recording(currents, FS, velocity=velocity)
-    if reading.angle == "rectangle":
-        together = Recording(currents, FS, angle=rectangle_angle(velocity, FS))
     if reading.angle == "late":
         together = Recording(currents, FS, angle=angle - _DELAY * velocity / FS)
     (stroke,) = resampler.fit_transform([together])[0].strokes

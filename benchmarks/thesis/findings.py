@@ -22,9 +22,6 @@ class Finding(NamedTuple):
     ----------
     where : str
         Place in the publication, such as "Table 2.1, eigenvalue 1".
-    kind : {"arithmetic", "input", "random"}
-        "arithmetic": follows from definitions; "input": an input of the simulation, which is found
-        again; "random": a result that depends on drawn numbers. Only the last is evidence.
     published : float
         The published number.
     ours : float
@@ -32,7 +29,7 @@ class Finding(NamedTuple):
     low, high : float
         Range of our numbers, including a tolerance for rounding in print.
     draws : int
-        Number of draws; 1 if nothing is random.
+        Number of draws; 1 if nothing is random, as the figure follows from definitions.
     agrees_by_range : bool
         Whether the published number lies within the range.
     agrees_by_median : bool
@@ -43,7 +40,6 @@ class Finding(NamedTuple):
     """
 
     where: str
-    kind: str
     published: float
     ours: float
     low: float
@@ -116,14 +112,7 @@ class Chapter:
         self.figures[name] = (image.getvalue(), caption)
 
     def compare(
-        self,
-        where: str,
-        published: float,
-        values: ArrayLike,
-        note: str,
-        *,
-        kind: str,
-        slack: float = 0.0,
+        self, where: str, published: float, values: ArrayLike, note: str, *, slack: float = 0.0
     ) -> Finding:
         """Compare a published number with our values of it, one for each draw.
 
@@ -137,8 +126,6 @@ class Chapter:
             Ours.
         note : str
             Method.
-        kind : {"arithmetic", "input", "random"}
-            As for `Finding`.
         slack : float
             Tolerance beyond the range of the values, for rounding in print.
 
@@ -152,40 +139,7 @@ class Chapter:
         within = low - slack <= published <= high + slack
         middle = first - slack <= published <= third + slack
         numbers = (float(published), median, low - slack, high + slack, len(ours))
-        self.findings.append(Finding(where, kind, *numbers, within, middle, note))
-        return self.findings[-1]
-
-    def compare_leader(self, where: str, published: int, leaders: ArrayLike, note: str) -> Finding:
-        """Compare a published leading bin with the bin that leads in each of our draws.
-
-        Parameters
-        ----------
-        where : str
-            Place in the publication.
-        published : int
-            The published bin.
-        leaders : array-like of int
-            The bin that leads in each draw.
-        note : str
-            Method.
-
-        Returns
-        -------
-        Finding
-            Also appended to `findings`. `ours` is the bin that leads most often; it agrees by
-            range if the published bin leads in any draw, and by median if it leads in at least
-            half of them.
-        """
-        bins = np.asarray(leaders, dtype=int)
-        numbers, counts = np.unique(bins, return_counts=True)
-        most, share = int(numbers[counts.argmax()]), float(np.mean(bins == published))
-        note = (
-            f"most often bin {most}, in {counts.max()} of {len(bins)} draws; the published bin "
-            f"leads in {np.sum(bins == published)}{note}"
-        )
-        drawn = (float(most), float(bins.min()), float(bins.max()), len(bins))
-        agrees = (share > 0, share >= 0.5)
-        self.findings.append(Finding(where, "random", float(published), *drawn, *agrees, note))
+        self.findings.append(Finding(where, *numbers, within, middle, note))
         return self.findings[-1]
 
 
@@ -195,7 +149,7 @@ def silent(line: str) -> None:
 
 def counted(findings: Sequence[Finding]) -> str:
     """Return how many random figures lie within the range of ours, as text."""
-    random = [finding for finding in findings if finding.kind == "random"]
+    random = [finding for finding in findings if finding.draws > 1]
     within = sum(finding.agrees_by_range for finding in random)
     middle = sum(finding.agrees_by_median for finding in random)
     others = len(findings) - len(random)

@@ -84,29 +84,3 @@ def printed_resampling(signal: ArrayLike, angle: ArrayLike, theta_s: float) -> N
     after = np.clip(np.searchsorted(turned, places, side="right"), 1, len(turned) - 1)
     slope = np.diff(values)[after - 1] / np.diff(turned)[after - 1]
     return values[after] + slope * (places - turned[after - 1])
-
-
-def rectangle_angle(velocity: ArrayLike, fs: float) -> NDArray[np.float64]:
-    """Integrate the shaft speed by the rectangle rule, half a sample late.
-
-    Not in the thesis: a frequent error, to show its effect.
-
-    Parameters
-    ----------
-    velocity : array-like of shape (n_times,)
-        Shaft speed [rad/s].
-    fs : float
-        Sampling rate [Hz].
-
-    Returns
-    -------
-    ndarray of shape (n_times,)
-        Angle [rad], from 0.
-
-    Examples
-    --------
-    >>> rectangle_angle([1.0, 1.0, 3.0], fs=2)
-    array([0. , 0.5, 1. ])
-    """
-    speed = np.asarray(velocity, dtype=float)
-    return np.concatenate([[0.0], np.cumsum(speed[:-1])]) / fs

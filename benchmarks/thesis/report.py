@@ -62,7 +62,7 @@ def write_report(folder: Path, chapters: Sequence[Chapter], *, quick: bool = Fal
         chapters=chapters,
         findings=findings,
         verdicts=verdicts,
-        first=[verdict.evidence for verdict, _ in verdicts if verdict.first],
+        first=[(chapter.number, v.evidence) for v, chapter in verdicts if v.first],
         quick=quick,
         versions=", ".join(
             [f"emacm {emacm.__version__}", f"Python {platform.python_version()}"]

@@ -144,6 +144,4 @@ def test_a_quick_run_has_every_fault_signal_and_question(tmp_path):
         "early detection of a growing fault", "Severity of detection"
     ]  # fmt: skip
     assert any(text.startswith("Not recognised as unknown are ") for text in chapter.remarks)
-    (finding,) = chapter.findings
-    assert (finding.kind, finding.published, finding.draws) == ("random", 1.0, QUICK.n_tested)
     assert any("recordings" in line for line in lines)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from printed_equations import printed_angle, printed_resampling, rectangle_angle
+from printed_equations import printed_angle, printed_resampling
 
 
 def test_resampling_as_printed_is_a_time_sample_early_at_constant_speed():
@@ -11,13 +11,6 @@ def test_resampling_as_printed_is_a_time_sample_early_at_constant_speed():
     signal = np.sin(0.06 * angle)
     printed = printed_resampling(signal, angle, 1.0)  # at each time sample
     assert np.allclose(printed[:-1], signal[1:], atol=1e-12)
-
-
-def test_a_rectangle_is_half_a_sample_behind_at_constant_acceleration():
-    fs = 100
-    time = np.arange(101) / fs
-    angle = rectangle_angle(40 * time, fs)
-    assert np.allclose(20 * time**2 - angle, 40 * time / (2 * fs))
 
 
 def test_eq_2_9_as_printed_adds_a_speed_to_an_angle():
