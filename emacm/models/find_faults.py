@@ -99,8 +99,7 @@ class FaultTable(pd.DataFrame):
 
     def _repr_html_(self) -> str:
         shown = ("recording", "channel", "named", "suspected", "explanation")
-        with pd.option_context("display.max_colwidth", None):
-            return self[[name for name in shown if name in self]].to_html(index=False)
+        return self[[name for name in shown if name in self]].to_html(index=False)
 
 
 def find_faults(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
@@ -10,9 +9,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import sklearn
 
-from emacm._version import __version__
+from emacm._saved import installed_versions
 from emacm.decisions.pipelines import final_estimator, fitted_resamplers
 from emacm.models.model_files import model_description
 from emacm.recordings.recording import Recording
@@ -210,12 +208,7 @@ def model_facts(model: Any, path: Path | None = None) -> Facts:
         saved = about["versions"]
     facts.append(("States", _shortened([str(label) for label in model.classes_])))
     facts += _training(model)
-    here = {
-        "emacm": __version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "sklearn": sklearn.__version__,
-    }
+    here = {name: installed_versions()[name] for name in ("emacm", "python", "numpy", "sklearn")}
     facts.append(("Versions", ", ".join(f"{name} {version}" for name, version in here.items())))
     others = [f"{n} {saved[n]}" for n in here if saved.get(n, here[n]) != here[n]]
     return facts + ([("Saved under", ", ".join(others))] if others else [])

@@ -1,4 +1,4 @@
-"""Computed order tracking: the angle of the shaft, and resampling over it."""
+"""Computed order tracking: resampling over the angle of the shaft."""
 
 from __future__ import annotations
 
@@ -10,13 +10,6 @@ from numpy.typing import NDArray
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler
-from emacm.shaft.angle import (
-    angle_from_currents,
-    angle_from_resolver,
-    angle_from_velocity,
-    angle_from_wrapped,
-)
-from emacm.shaft.tacho import angle_from_tacho
 
 
 def run_up() -> dict[str, float]:
@@ -88,24 +81,6 @@ def noise_floor(*, fs: int = 48_000, speed: float = 47.3) -> dict[str, float]:
         floor = psd[(orders > 1) & (orders < 39)].mean()
         found[name] = 10 * np.log10(floor / (2 * speed / fs))
     return found
-
-
-def shaft_angles(*, fs: int = 10_000) -> dict[str, float]:
-    """Compute the angle of a run-up from each kind of shaft sensor."""
-    time = np.arange(3 * fs) / fs
-    angle = 2 * np.pi * (5 * time + 2 * time**2)
-    phases = 4 * angle - 2 * np.pi / 3 * np.arange(3)[:, np.newaxis]
-    tacho = angle_from_tacho(np.sin(20 * angle), fs, pulses_per_rev=20)
-    found = {
-        "velocity": angle_from_velocity(2 * np.pi * (5 + 4 * time), fs),
-        "wrapped": angle_from_wrapped(np.mod(angle, 2 * np.pi)),
-        "resolver": angle_from_resolver(np.sin(2 * angle), np.cos(2 * angle), pole_pairs=2),
-        "currents": angle_from_currents(np.cos(phases), pole_pairs=4),
-        "tachometer": tacho.angle,
-    }
-    # Between the first and the last pulse; a tachometer has no absolute angle.
-    inner = slice(fs // 2, -fs // 2)
-    return {name: np.ptp((measured - angle)[inner]) for name, measured in found.items()}
 
 
 def _level(

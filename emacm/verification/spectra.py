@@ -15,11 +15,9 @@ from emacm.machine.gears import Gear, PlanetaryGear
 from emacm.machine.motors import Motor
 from emacm.machine.rolling import Bearing
 from emacm.orders.bin_transformer import BinTransformer
-from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
 from emacm.orders.order_psd import OrderPSD
 from emacm.orders.welch import order_psd
 from emacm.recordings.recording import Recording
-from emacm.resampling.order_resampler import OrderResampler
 
 
 def sine_of_the_thesis() -> dict[str, float]:
@@ -64,21 +62,6 @@ def order_bins() -> dict[str, float]:
     integral = trapezoid(np.asarray(spectrum)[0], psd.orders_)
     found = {"stop band": bins[5], "sum": bins.sum()}
     return found | {"flat": flat.min(), "noise": narrow.sum() / integral}
-
-
-def two_channels() -> dict[str, float]:
-    """Compare a channel with twice its sum with as much unrelated noise."""
-    angle = 2 * np.pi * np.arange(128 * 2000) / 128
-    drive, noise = np.random.default_rng(3).standard_normal((2, len(angle)))
-    recording = Recording({"in": drive, "out": 2 * (drive + noise)}, 128, angle=angle)
-    over_angle = OrderResampler().fit_transform([recording])
-    options: dict[str, Any] = {"pairs": [("in", "out")], "bin_size": 20, "max_order": 40}
-    return {
-        kind: OrderCrossSpectrum(8, kind=kind, form="polar", **options).fit_transform(over_angle)[
-            0, 0
-        ]
-        for kind in ("coherence", "response")
-    }
 
 
 def envelopes() -> dict[str, float]:
