@@ -47,8 +47,10 @@ def _check_types(names: Sequence[str]) -> None:
 
 
 def _is_ours(name: str) -> bool:
-    """Tell whether this is an estimator of emacm, or one of its classes that only hold values."""
+    """Tell whether it is an estimator of emacm, one of its classes of values, or a ufunc."""
     module, _, short = name.rpartition(".")
+    if module in ("numpy", "numpy.core._multiarray_umath"):  # as NumPy 2 and 1 write functions
+        return isinstance(getattr(np, short, None), np.ufunc)
     if not re.fullmatch(r"emacm\.[a-z_]+\.[a-z][a-z_]+", module):
         return False
     try:

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
+from emacm._saved import installed_versions
 from emacm.decisions.pipelines import groups_options
 from emacm.evaluation.evaluate import evaluate
 from emacm.files.folder import RecordingFolder
@@ -44,6 +45,11 @@ def verify_model(path: str | os.PathLike[str], recordings: RecordingFolder) -> V
         If there is no such file.
     ValueError
         If the file holds no evidence, or none of files.
+
+    Notes
+    -----
+    Versions of scikit-learn divide units into folds differently if there are more units than
+    folds. Figures of merit are those of the file only under the versions that it states.
     """
     start, about = perf_counter(), model_description(path)
     stated = about.get("evidence") or {}
@@ -69,7 +75,11 @@ def verify_model(path: str | os.PathLike[str], recordings: RecordingFolder) -> V
     rows += _figures(stated, again)
     rows.append(("posteriors of the model, fitted again", 0, np.abs(posteriors).max(), 1e-6))
     table = pd.DataFrame(rows, columns=["what", "expected", "computed", "tolerance"])
-    return Verification.of(table.assign(source=f"saved {about['saved']}"), (), start)
+    here = installed_versions()
+    other = [f"{name} {v}" for name, v in about["versions"].items() if here.get(name) != v]
+    notes = [f"trained under {', '.join(other)}, which may divide units into other folds"]
+    source = f"saved {about['saved']}"
+    return Verification.of(table.assign(source=source), notes if other else (), start)
 
 
 def _files(stated: dict[str, str], found: dict[str, str]) -> Iterator[Row]:

@@ -32,24 +32,24 @@ class Verification:
         formula, or another implementation), "expected", "computed", "difference", "tolerance"
         (rounding, the resolution of an axis, or four standard errors where noise is drawn) and
         "passed".
-    left_out : tuple of str
-        Checks that need a package that is not installed.
+    notes : tuple of str
+        Checks that were left out because a package is not installed; versions that differ.
     seconds : float
         Time that the computation took [s].
     """
 
     table: pd.DataFrame
-    left_out: tuple[str, ...]
+    notes: tuple[str, ...]
     seconds: float
 
     @classmethod
-    def of(cls, table: pd.DataFrame, left_out: Iterable[str], start: float) -> Verification:
+    def of(cls, table: pd.DataFrame, notes: Iterable[str], start: float) -> Verification:
         """Compare the columns "expected" and "computed"; `start` is a time of `perf_counter`."""
         difference = table["computed"] - table["expected"]
         passed = difference.abs() <= table["tolerance"]
         order = ["what", "source", "expected", "computed", "difference", "tolerance", "passed"]
         compared = table.assign(difference=difference, passed=passed)[order]
-        return cls(compared, tuple(left_out), perf_counter() - start)
+        return cls(compared, tuple(notes), perf_counter() - start)
 
     @property
     def passed(self) -> bool:
@@ -59,9 +59,8 @@ class Verification:
     @property
     def summary(self) -> str:
         """The result in one line."""
-        left_out = f"; left out: {', '.join(self.left_out)}" if self.left_out else ""
         passed = f"{self.table['passed'].sum()} of {len(self.table)} passed"
-        return f"{passed} in {self.seconds:.1f} s{left_out}"
+        return "; ".join([f"{passed} in {self.seconds:.1f} s", *self.notes])
 
     def facts(self) -> dict[str, str]:
         """Return versions, computer and digests.
@@ -151,19 +150,19 @@ def verify(answers: pd.DataFrame | None = None) -> Verification:
     4 of 4 passed in ... s
     """
     answers = (known_answers() if answers is None else answers).copy()
-    functions, start, left_out = checks(), perf_counter(), []
+    functions, start, notes = checks(), perf_counter(), []
     computed = pd.Series(np.nan, answers.index)
     for name in answers.index.unique("check"):
         try:
             found = functions[name]()
         except ImportError as error:
-            left_out.append(f"{name} ({error})")
+            notes.append(f"{name} left out: {error}")
             answers = answers.drop(name, level="check")
         except Exception as error:  # whatever is wrong here, the other answers are computed
             answers.loc[[name], "source"] = f"{type(error).__name__}: {error}"
         else:
             computed.update(pd.Series({(name, key): value for key, value in found.items()}))
-    return Verification.of(answers.assign(computed=computed), left_out, start)
+    return Verification.of(answers.assign(computed=computed), notes, start)
 
 
 def _code_digest() -> str:

@@ -332,6 +332,22 @@ def test_a_forged_file_with_a_correct_digest_executes_nothing(saved, name):
     assert not EXECUTED
 
 
+@pytest.mark.parametrize("name", ["log10", "seterrobj"])
+def test_functions_of_numpy_1_are_loaded_if_they_compute_element_by_element(tmp_path, name):
+    path = tmp_path / "model.emacm"
+    model = make_pipeline(LOG, CostSensitiveGaussianBayes(covariance="diag"))
+    features = RNG.uniform(1, 2, (24, 2))
+    save_model(model.fit(features, STATES), path)
+    old = b'"__class__": "log10", "__module__": "numpy"'
+    new = f'"__class__": "{name}", "__module__": "numpy.core._multiarray_umath"'.encode()
+    rewritten(path, lambda _, x: with_schema(x, lambda schema: replaced(schema, old, new)))
+    if name == "log10":
+        np.testing.assert_array_equal(load_model(path).predict(features), model.predict(features))
+        return
+    with pytest.raises(TypeError, match=name):
+        load_model(path)
+
+
 def replaced(schema, old, new):
     changed = json.dumps(json.loads(schema)).encode().replace(old, new)
     assert new in changed
