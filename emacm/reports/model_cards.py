@@ -49,7 +49,7 @@ class ModelCard(dict[str, Any]):
             "Evidence": None if evidence else "none stored; emacm train stores it",
             "Versions": ", ".join(f"{name} {text}" for name, text in self["versions"].items()),
         }
-        return {name: str(text) for name, text in texts.items() if text}
+        return {name: str(text) for name, text in texts.items() if text not in (None, "")}
 
     def tables(self) -> dict[str, pd.DataFrame]:
         """Return tables of text by their titles, without those that would be empty."""

@@ -71,6 +71,7 @@ def test_the_card_states_what_the_model_is_for_and_how_it_decided(here, capsys):
         assert words in text
         assert words in html
     assert "image/svg+xml" in html
+    assert type(card)(card | {"healthy": 0}).facts()["Healthy state"] == "0"
     assert '"limits": "not in start-up"' in text
 
 
