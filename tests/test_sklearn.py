@@ -233,6 +233,7 @@ def test_the_memory_of_a_pipeline_serves_no_stale_bins_where_numbers_coincide(tm
     assert second.operator_.toarray()[0, 1] == pytest.approx(0.125)
 
 
+@pytest.mark.filterwarnings("ignore:Persisting input arguments")  # joblib, of slow disks
 def test_the_memory_of_a_pipeline_gives_the_same_decisions(fleet, tmp_path):
     X, y, _ = fleet
     plain = monitoring().fit(X, y)
@@ -285,7 +286,7 @@ def test_the_memory_of_spectra_tells_its_own_settings_apart(over_angle, settings
 # Workers
 
 
-@pytest.mark.parametrize("backend", ["threading", "loky"])
+@pytest.mark.parametrize("backend", ["threading", pytest.param("loky", marks=pytest.mark.slow)])
 def test_two_workers_give_the_very_numbers_of_one(over_angle, spectra, backend):
     with joblib.parallel_backend(backend):
         both = OrderPSD(4, n_jobs=2).fit_transform(over_angle)

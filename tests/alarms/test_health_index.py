@@ -33,6 +33,7 @@ def fleet(n_units, n_each, rng, spread=2.0):
     return offsets + rng.normal(size=(len(units), 3)), units
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings(
     "ignore:without groups", "ignore:.* are those of fit", "ignore:the base"
 )

@@ -56,6 +56,7 @@ def test_rings_are_named_in_files_without_a_layout(here, capsys):
     assert len(list((here / "pictures").iterdir())) == 2
 
 
+@pytest.mark.slow
 def test_names_that_cannot_be_names_of_pictures_are_changed(here, capsys):
     pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
     name = os.fsdecode(b"pr\xfcfung.csv")  # not UTF-8

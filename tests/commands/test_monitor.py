@@ -110,6 +110,7 @@ def test_the_standard_input_gives_a_reading_for_each_interval(here, capsys, monk
     assert {r["decision"] for r in readings} == {"worn"}
 
 
+@pytest.mark.slow
 def test_a_file_that_grows_is_followed(here):
     path = here / "growing.csv"
     rows = rows_of(False, 30)

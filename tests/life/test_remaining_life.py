@@ -25,6 +25,7 @@ LAW = WearLaw()
 NO_DAMAGE = -40.0  # dB
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(CHECKS.args[0], list(CHECKS.args[1]), **CHECKS.kwargs)
 def test_every_check_of_scikit_learn_passes(estimator, check):
     check(estimator)

@@ -40,7 +40,12 @@ def running(fault=None, *, seed=0, slip=-0.008, seconds=5, strength=1.0, resonan
 
 
 @pytest.mark.parametrize(
-    ("fault", "kind"), [("BPFO", "outer ring"), ("BPFI", "inner ring"), ("BSF", "ball")]
+    ("fault", "kind"),
+    [
+        ("BPFO", "outer ring"),
+        pytest.param("BPFI", "inner ring", marks=pytest.mark.slow),
+        pytest.param("BSF", "ball", marks=pytest.mark.slow),
+    ],
 )
 def test_each_fault_is_named_at_varying_speed_beside_strong_harmonics(fault, kind):
     row = find_faults([running(fault)], BEARING).iloc[0]
@@ -52,6 +57,7 @@ def test_each_fault_is_named_at_varying_speed_beside_strong_harmonics(fault, kin
     assert row["explanation"].endswith(f": {kind}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pair", [("BPFO", "BPFI"), ("BPFO", "BSF"), ("BPFI", "BSF")])
 @pytest.mark.parametrize("strengths", [(1.0, 1.0), (1.0, 0.5), (0.5, 1.0)])
 def test_two_faults_are_named_together(pair, strengths):
@@ -217,6 +223,7 @@ def test_the_rings_of_the_mfpt_rig_are_named_and_its_healthy_bearings_are_not():
     assert found["named"].tolist() == [kinds[name[0]] for name in names]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["1772_IR_14_DE12", "1797_IR_7_DE12", "1750_OR@3_14_FE"])
 def test_a_damaged_ring_of_the_cwru_rig_has_no_damaged_ball(name):
     file = DATA / "bearings" / "cwru_faults_12k.npz"

@@ -373,6 +373,7 @@ def test_mutated_files_are_refused_and_execute_nothing(saved):
     assert not EXECUTED
 
 
+@pytest.mark.slow
 def test_a_model_is_loaded_without_dask_and_pytest(tmp_path):
     save_model(LogisticRegression().fit([[0.0], [1.0]], [0, 1]), tmp_path / "model.emacm")
     code = "import sys, emacm; emacm.load_model('model.emacm'); print(*sys.modules)"

@@ -79,6 +79,7 @@ def test_the_values_of_the_bins_do_not_depend_on_the_training(training, fitted):
     np.testing.assert_array_equal(found, np.asarray(own))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_segments", [1, 4, 40])
 @pytest.mark.parametrize("n_units", [6, 12, 40])
 def test_at_most_two_per_cent_of_the_recordings_of_new_units_exceed_the_limit(n_units, n_segments):

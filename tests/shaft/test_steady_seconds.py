@@ -34,6 +34,7 @@ def test_a_steady_shaft_is_steady(n_lines, noise):
     assert steady(lines(n_lines, noise=noise)) == all_but()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("n_lines", "noise", "least"),
     [(1, 0.1, 0.7), (2, 0.1, 0.85), (4, 0.1, 0.96), (6, 1.0, 0.98), (12, 1.0, 1), (12, 3.0, 0.96)],

@@ -128,6 +128,7 @@ def test_a_signal_without_a_shaft_is_refused(name, orders, speeds):
         angle_from_vibration(NO_SHAFT[name](), FS, speeds=speeds, orders=orders)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("channel", ["accelerometer", "current_a"])
 @pytest.mark.parametrize("orders", [None, [6, 12, 18]])
 @pytest.mark.parametrize("condition", [2, 3, 4, 5])
