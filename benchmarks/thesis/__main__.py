@@ -11,6 +11,8 @@ import sys
 import time
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from chapter2 import reproduce_chapter2
 from chapter3 import reproduce_chapter3
 from chapter4 import reproduce_chapter4
@@ -53,13 +55,13 @@ def main() -> None:
     def progress(line: str) -> None:
         print(f"[{time.perf_counter() - start:4.0f} s] {line}", file=sys.stderr, flush=True)
 
-    chapters = [
-        # A quick run takes less time than starting processes.
-        CHAPTERS[number](
-            quick=options.quick, n_jobs=None if options.quick else options.jobs, report=progress
-        )
-        for number in dict.fromkeys(options.chapter or CHAPTERS)
-    ]
+    # A quick run takes less time than starting processes; further threads only wait.
+    jobs = None if options.quick else options.jobs
+    with threadpool_limits(1):
+        chapters = [
+            CHAPTERS[number](quick=options.quick, n_jobs=jobs, report=progress)
+            for number in dict.fromkeys(options.chapter or CHAPTERS)
+        ]
     write_report(options.out, chapters, quick=options.quick)
     findings = [finding for chapter in chapters for finding in chapter.findings]
     print(*sorted(verdict.text for chapter in chapters for verdict in chapter.verdicts), sep="\n")
