@@ -144,7 +144,10 @@ def _draw_bins(chapter: Chapter, models: list[Model], rows: Any, title: str, fir
         fault_orders=MARKED,
         slip=0,
     )
-    caption = f"{title}, binned PSD of run 1 of both units, after the filter."
+    caption = (
+        f"{title}, binned PSD of run 1 of both units, after the filter; folded lines of the "
+        "figure before are in these bins."
+    )
     chapter.draw(_range(first), display.figure_, caption)
 
 

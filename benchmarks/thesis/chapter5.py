@@ -34,9 +34,10 @@ from findings import Chapter, Report, Verdict, silent
 
 _OPENING = (
     "The thesis proposes fusion of signals, cross spectra, more units, more faults, and "
-    "prognostics, and publishes no figures of them. They are carried out on the simulated bench: "
-    "sizes of faults are assumed, so severities compare signals with each other and do not "
-    "predict those of a machine."
+    "prognostics, and publishes no figures of them. They are carried out on the simulated bench. "
+    "Its first limit is the assumed spread of units and runs, from which all thresholds follow "
+    "(table of assumptions); sizes of faults are assumed too, so severities compare signals with "
+    "each other and do not predict those of a machine."
 )
 _CAPTION = (
     "Severity from which on a signal detects a fault, at a false alarm rate of 1 %: median over "
@@ -53,7 +54,7 @@ _VARIED = (
 )
 _PAIRS = "two faults at once, a classifier of single ones"
 _TREND = "early detection of a growing fault"
-_JAM = "jam"
+_JAM, _CURRENT = "jam", SIGNALS["current_a"]
 
 
 def reproduce_chapter5(
@@ -129,20 +130,21 @@ def _alarms_of(trend: pd.DataFrame, fault: str) -> str:
     return (
         f"all signals together raise an alarm in {alarms} units, at severity {severity:.2f}, "
         f"{left:.0f} runs before severity 1 (a false one in {trend.loc[('none', ALL), ALARMS]}); "
-        f"from then on the remaining life is known within {error:.1f} runs (median). The earliest "
-        f"signal alone, known only afterwards: {single.idxmin()}, at {single.min():.2f}."
+        "from then on the readings of the other units, which wear by the same law, tell the "
+        f"remaining life within {error:.1f} runs (median). The earliest signal alone, known only "
+        f"afterwards: {single.idxmin()}, at {single.min():.2f}."
     )
 
 
 def _viable(detection: pd.DataFrame, varied: pd.DataFrame) -> Verdict:
     """Answer whether motor current is a viable signal."""
     seen = np.isfinite(detection["severity"].unstack("signal"))
-    names = {s: list(seen.index[seen[s]]) for s in (SIGNALS["current_a"], PHASED)}
+    names = {s: list(seen.index[seen[s]]) for s in (_CURRENT, PHASED)}
     one, three = (detection.loc[("phase imbalance", name), "severity"] for name in names)
-    both = set(names[SIGNALS["current_a"]]) | set(names[PHASED])
-    twice = varied.loc[TWICE, SIGNALS["current_a"]]
+    both = set(names[_CURRENT]) | set(names[PHASED])
+    twice = varied.loc[TWICE, _CURRENT]
     return Verdict(
-        f"Chapter 5, is motor current viable: one phase shows {len(names[SIGNALS['current_a']])} "
+        f"Chapter 5, is motor current viable: one phase shows {len(names[_CURRENT])} "
         f"of {len(seen)} faults at severity 1 or before, with the unbalance of three phases "
         f"{len(both)} (phase imbalance from severity {three:g}, by one phase from {one:g}); the "
         f"accelerometer {seen[SIGNALS['accelerometer']].sum()}. With {TWICE} one phase shows "
@@ -198,12 +200,23 @@ def _answers(tables: dict[str, pd.DataFrame], detection: pd.DataFrame) -> list[s
     units, pairs, trend = (tables[name] for name in (_UNITS, _PAIRS, _TREND))
     accuracy = units["balanced accuracy [%]"]
     both, single = pairs.drop(index="one fault").mean(), pairs.loc["one fault"]
-    conditions = tables[_VARIED][ALL]
+    conditions, spreads = tables[_VARIED][ALL], tables[_VARIED].drop(index=OTHER)
+    apart, fault = (
+        spreads[name].str.split(" / ", expand=True).astype(float).to_numpy()
+        for name in spreads.columns[:2]
+    )
     grown = [fault for fault in dict.fromkeys(trend.index.get_level_values(0)) if fault != "none"]
     return [
         f"Which signal, from which severity: {best}.",
         f"Which condition: {conditions['as assumed']} of ten faults are detected at severity 1 in "
         f"condition {CONDITION}, {conditions[OTHER]} in {OTHER}.",
+        "Which conclusions survive another spread of units or of runs: two healthy units are told "
+        f"apart in {apart.min():.0f} to {apart.max():.0f} % of the test runs, by any signal; one "
+        f"unit without and with the fault by LVDT, velocity and current in "
+        f"{fault[:, :3].min():.0f} to {fault[:, :3].max():.0f} %, by the accelerometer in "
+        f"{fault[:, 3].min():.0f} to {fault[:, 3].max():.0f} %. The number of faults that are "
+        f"detected is {spreads[ALL].min()} to {spreads[ALL].max()} of ten, by the current "
+        f"{spreads[_CURRENT].min()} to {spreads[_CURRENT].max()}.",
         f"Several faults at once: of {both.iloc[0]:.0f} % one, of {both.iloc[1]:.0f} % both are "
         "named by a classifier of single faults; another one, which is not there, is named of "
         f"{both.iloc[2]:.0f} %, and of {single.iloc[2]:.0f} % with a single fault.",
