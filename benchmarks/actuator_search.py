@@ -5,7 +5,7 @@ Here a nested search selects revolutions, highest order and lowest speed for eac
 and for the last three, by leaving out each of the other runs in turn; the held-out runs
 score the selected settings only. 13 states, one classifier per load, without and with phase.
 
-    python benchmarks/actuator_search.py [--train FILE] [--json FILE] [--quick]
+    python benchmarks/actuator_search.py [--train FILE] [--json [FILE]] [--quick]
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from actuator_methods import Fold, Recipe
-from measure import header, write_json
+from measure import header, json_option, write_json
 from real_actuator import Recordings, chosen_file, decide_all, few, folds_by_run, read, row
 from sklearn.model_selection import ParameterGrid
 from threadpoolctl import threadpool_limits
@@ -88,7 +88,7 @@ def main() -> None:
     """Search, print the table and write it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--train", type=Path, help="file; default: the one below EMACM_DATA")
-    parser.add_argument("--json", type=Path, help="file for the figures")
+    json_option(parser)
     parser.add_argument("--quick", action="store_true", help="few recordings and settings")
     options = parser.parse_args()
     file = chosen_file(options)
@@ -100,7 +100,7 @@ def main() -> None:
         phases = (False,) if options.quick else (False, True)
         rows = [each for phase in phases for each in compare(known, grid, phase)]
     print(f"\nbalanced accuracy\n{pd.DataFrame(rows).round(3).to_string(index=False)}")
-    write_json(options.json, rows)
+    write_json(options, rows)
 
 
 if __name__ == "__main__":

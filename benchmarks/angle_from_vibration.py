@@ -18,7 +18,7 @@ that are weaker, often invisible, in noise; 4, 8 or 14 s. In ±10 % and 1.5, the
 lines at nearly 3, 4 or 5 times the speed (BPFO 3.05, BPFI 4.95), taken for these orders: the answer
 is 0.5 to 2.5 % off.
 
-    python benchmarks/angle_from_vibration.py [--quick]
+    python benchmarks/angle_from_vibration.py [--quick] [--json [FILE]]
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from typing import Any
 import numpy as np
 from bearings import BEARINGS, CHANNEL, MFPT, UESTC, comb_speed, read_cwru, read_mfpt
 from joblib import Parallel, delayed
-from measure import header, table
+from measure import header, json_option, table, write_json
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
@@ -117,7 +117,9 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--quick", action="store_true", help="every fifth recording")
-    every = 5 if parser.parse_args().quick else 1
+    json_option(parser)
+    options = parser.parse_args()
+    every = 5 if options.quick else 1
     print(header())
     sets: dict[str, list[Callable[[], Case]]] = {
         "simulated, chosen": [partial(simulated, seed) for seed in range(0, 150, every)],
@@ -136,10 +138,15 @@ def main() -> None:
             row: dict[str, Any] = {"recordings": name, "number": len(makes)}
             for place, label in enumerate(RANGES):
                 counts = Counter(each[place] for each in found)
-                row[label] = "/".join(str(counts[what]) for what in ("right", "wrong", "refused"))
+                row |= {f"{label}: {what}": counts[what] for what in ("right", "wrong", "refused")}
             rows.append(row)
-    print("\nright/wrong/refused")
+    numbers = [name for name in rows[0] if name != "recordings"]
+    real = [row for row in rows if not row["recordings"].startswith("simulated")]
+    if real:
+        total = {name: sum(row[name] for row in real) for name in numbers}
+        rows.append({"recordings": "all rigs", **total})
     print(table(rows))
+    write_json(options, rows)
 
 
 if __name__ == "__main__":

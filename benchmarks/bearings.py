@@ -35,7 +35,7 @@ At the end, CPU times of envelopes ("full") of recordings in memory, without and
 measured in turns, with the page faults of a call; "adds" is what prewhitening adds to the time of
 the envelope. These need no recordings.
 
-    python benchmarks/bearings.py [--quick]
+    python benchmarks/bearings.py [--quick] [--json [FILE]]
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measure import header, medians, table
+from measure import header, json_option, medians, table, write_json
 from numpy.typing import NDArray
 from scipy import signal, stats
 from sklearn.base import clone
@@ -81,6 +81,7 @@ BEARINGS = {"DE12": Bearing(9, 7.94, 39.04), "FE": Bearing(8, 6.746, 28.499)}  #
 MFPT = Bearing(8, 0.235, 1.245)
 UESTC = Bearing(8, 7.938, 33.5)  # UC204, from its lines
 FAULTS = {"B": "BSF", "IR": "BPFI", "OR": "BPFO"}
+RINGS = ("BPFI", "BPFO")
 SIZES = (7, 14, 21)
 RATE = 12_000
 CHANNEL = "casing"
@@ -290,8 +291,8 @@ def outcomes(truth: NDArray[Any], named: NDArray[Any]) -> dict[str, int]:
     }
 
 
-def print_named(rigs: dict[str, tuple[Runs, Bearing]]) -> None:
-    """Print how many recordings are named correctly without training, beside SciPy."""
+def named_by_rig(rigs: dict[str, tuple[Runs, Bearing]]) -> list[dict[str, Any]]:
+    """Count the recordings that are named correctly without training, beside SciPy; and print."""
     truths = {rig: faults_of(runs) for rig, (runs, _) in rigs.items()}
     scores = {
         rig: [scipy_scores(run, bearing) for run in runs] for rig, (runs, bearing) in rigs.items()
@@ -316,12 +317,19 @@ def print_named(rigs: dict[str, tuple[Runs, Bearing]]) -> None:
         row["suspected"] = int(((suspected == truth) & (truth != "none")).sum())
         row["not assessed"] = int((named == "not assessed").sum())
         row["healthy"] = int((truth == "none").sum())
+        for name, chosen in {"rings": np.isin(truth, RINGS), "balls": truth == "BSF"}.items():
+            row |= {name: int(chosen.sum()), f"{name} named": int((named == truth)[chosen].sum())}
+            row[f"{name} suspected"] = int((suspected == truth)[chosen].sum())
         row |= {
             f"SciPy {name}": value for name, value in outcomes(truth, by_scipy(rig, limit)).items()
         }
         rows.append(row)
     print(f"\nfrom geometry alone; SciPy from {limit:g} dB on")
     print(table(rows))
+    each = [row for row in rows if row["recordings"] != "UESTC, nominal"]
+    numbers = [name for name in rows[0] if name != "recordings"]
+    total = {name: sum(row[name] for row in each) for name in numbers}
+    return [*rows, {"recordings": "all, UESTC by comb", **total}]
 
 
 # Several faults
@@ -407,12 +415,13 @@ def envelope_times(run: Recording) -> dict[str, float]:
 def main() -> None:
     """Print all tables."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    json_option(parser)
     parser.add_argument("--quick", action="store_true", help="two of the four loads")
     options = parser.parse_args()
     print(header())
     folder = Path(os.environ.get("EMACM_DATA", "")) / "bearings"
     if (folder / "cwru_faults_12k.npz").exists():
-        print_accuracy(folder, quick=options.quick)
+        write_json(options, measured_accuracy(folder, quick=options.quick))
     else:
         print("no recordings of bearings: set EMACM_DATA to the folder that holds bearings/*.npz")
     print("\nsimulated bearings, share with the exact set of faults")
@@ -422,8 +431,8 @@ def main() -> None:
         print(table(run_times(quick=options.quick)))
 
 
-def print_accuracy(folder: Path, *, quick: bool) -> None:
-    """Print the tables of the recordings below a folder."""
+def measured_accuracy(folder: Path, *, quick: bool) -> list[dict[str, Any]]:
+    """Return the rows of the recordings below a folder, and print their tables."""
     drive, fan = (read_cwru(folder, end, quick=quick) for end in BEARINGS)
     with threadpool_limits(1), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of the other packages
@@ -435,9 +444,11 @@ def print_accuracy(folder: Path, *, quick: bool) -> None:
         }
         nominal, combed = read_uestc(folder)
         rigs |= {"UESTC, nominal": (nominal, UESTC), "UESTC, comb": (combed, UESTC)}
-        print_named(rigs)
+        named = named_by_rig(rigs)
+        trained = accuracy(drive, fan)
         print("\nbalanced accuracy, 3 classes (chance 0.33)")
-        print(table(accuracy(drive, fan)))
+        print(table(trained))
+    return [*named, *trained]
 
 
 if __name__ == "__main__":

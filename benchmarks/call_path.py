@@ -15,7 +15,7 @@ With `--calls` also the modules in the order in which they are entered.
 
 Run from the repository:
 
-    python benchmarks/call_path.py [--quick] [--json FILE] [--calls]
+    python benchmarks/call_path.py [--quick] [--json [FILE]] [--calls]
 """
 
 from __future__ import annotations
@@ -24,11 +24,10 @@ import argparse
 import sys
 from collections import Counter
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measure import header, table, write_json
+from measure import header, json_option, table, write_json
 from sklearn.base import clone
 
 from emacm import OrderPSD, OrderResampler, Recording, actuator_recipe, score
@@ -93,7 +92,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="no difference: it takes seconds")
-    parser.add_argument("--json", type=Path, help="file for the figures")
+    json_option(parser)
     parser.add_argument("--calls", action="store_true", help="list changes of module and calls")
     options = parser.parse_args()
     runs, labels, units = [recording(seed) for seed in range(12)], list("ab" * 6), [0, 0, 1, 1] * 3
@@ -139,7 +138,7 @@ def main() -> None:
             print(f"\n{name}", "modules:", *trace.modules, sep="\n    ")
             for (caller, callee), count in trace.changes.most_common():
                 print(f"{count:5d} {caller} -> {callee}")
-    write_json(options.json, rows)
+    write_json(options, rows)
 
 
 if __name__ == "__main__":

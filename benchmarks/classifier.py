@@ -5,17 +5,16 @@ LinearDiscriminantAnalysis, "diag" with GaussianNB: `predict` with `predict`, an
 applies the costs, with `predict_proba`. Prints medians of interleaved repeats, their ratios, and
 the largest difference of posteriors for covariances with the same divisor. Run from the repository:
 
-    OPENBLAS_NUM_THREADS=1 python benchmarks/classifier.py [--quick] [--json FILE]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/classifier.py [--quick] [--json [FILE]]
 """
 
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measure import header, medians, write_json
+from measure import header, json_option, medians, write_json
 from numpy.typing import NDArray
 from sklearn.base import BaseEstimator
 from sklearn.discriminant_analysis import (
@@ -113,7 +112,7 @@ def main() -> None:
     """Measure, print the tables and write them."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="few recordings, two repeats")
-    parser.add_argument("--json", type=Path, help="file for the figures")
+    json_option(parser)
     options = parser.parse_args()
     n, repeats = (5_000, 2) if options.quick else (100_000, 9)
     features, classes = ((2, 20), (2, 5)) if options.quick else (FEATURES, CLASSES)
@@ -134,7 +133,7 @@ def main() -> None:
             ratios = [row[f"{figure} ratio"] for row in table]
             print(f"{figure}: ratio {min(ratios):.2f} minimum, {np.median(ratios):.2f} median")
         rows += table
-    write_json(options.json, rows)
+    write_json(options, rows)
 
 
 def print_head(row: dict) -> None:

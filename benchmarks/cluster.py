@@ -8,7 +8,7 @@ processes have: what it costs beside "2 processes" is the cost of the cluster. A
 does nothing, and where the files are stored elsewhere or one computer has too few cores. Run from
 the repository; without the packages distributed and ray, their rows are missing:
 
-    OPENBLAS_NUM_THREADS=1 python benchmarks/cluster.py [--quick] [--json FILE]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/cluster.py [--quick] [--json [FILE]]
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from typing import Any
 
 import joblib
 import numpy as np
-from measure import header, table, write_json
+from measure import header, json_option, table, write_json
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
@@ -173,7 +173,7 @@ def main() -> None:
     """Measure, and print a table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="shorter recordings, once")
-    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    json_option(parser)
     options = parser.parse_args()
     lengths = {"1 s": 1.0, "2 s": 2.0} if options.quick else {"3 s": 3.0, "30 s": 30.0}
     with tempfile.TemporaryDirectory() as name:
@@ -194,7 +194,7 @@ def main() -> None:
     print("Time of a search of 24 fits on 2 channels and speed at 12 kHz, 1 process = 1;")
     print("what Dask sent, relative to the files; time of a task that does nothing")
     print(table(rows))
-    write_json(options.json, rows)
+    write_json(options, rows)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ the training are those of every other simulated unit, defects of the month those
 is not in the figures: the machines run at one load and speed, their healthy features do not drift,
 and are normal in training and month.
 
-    OPENBLAS_NUM_THREADS=1 python benchmarks/fleet.py [--quick] [--json FILE]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/fleet.py [--quick] [--json [FILE]]
 """
 
 from __future__ import annotations

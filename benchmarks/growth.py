@@ -5,7 +5,7 @@ files, and the anonymous memory of the process is watched. Then one quantity gro
 48 kHz and 48 rev/s; the last column is what the time grows by when it doubles. Run from the
 repository, on Linux:
 
-    OPENBLAS_NUM_THREADS=1 python benchmarks/growth.py [--quick] [--json FILE]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/growth.py [--quick] [--json [FILE]]
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measure import header, table, write_json
+from measure import header, json_option, table, write_json
 from sklearn.pipeline import make_pipeline
 
 from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
@@ -156,14 +156,14 @@ def main() -> None:
     """Measure, print the tables and write them."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="two sizes each, 20 s mapped")
-    parser.add_argument("--json", type=Path, help="file for the figures")
+    json_option(parser)
     options = parser.parse_args()
     print(header())
     rows = [hour(options.quick)]  # first, while the process holds nothing else
     print(table(rows))
     rows += growth(options.quick)
     print(table(rows[1:]))
-    write_json(options.json, rows)
+    write_json(options, rows)
 
 
 if __name__ == "__main__":

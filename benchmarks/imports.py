@@ -2,7 +2,7 @@
 
 Each runs in an interpreter of its own, in turns. Run from the repository:
 
-    python benchmarks/imports.py [--quick] [--json FILE]
+    python benchmarks/imports.py [--quick] [--json [FILE]]
 """
 
 from __future__ import annotations
@@ -11,9 +11,8 @@ import argparse
 import subprocess
 import sys
 from collections.abc import Callable
-from pathlib import Path
 
-from measure import header, medians, table, write_json
+from measure import header, json_option, medians, table, write_json
 
 PIPELINE = "from sklearn.pipeline import make_pipeline"
 CORE = "from emacm import BinTransformer, CostSensitiveGaussianBayes, OrderPSD, OrderResampler"
@@ -35,7 +34,7 @@ def main() -> None:
     """Measure, print the table and write it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="two repeats")
-    parser.add_argument("--json", type=Path, help="file for the figures")
+    json_option(parser)
     options = parser.parse_args()
     repeats = 2 if options.quick else 15
     spent = medians({code: interpreter(code) for code in STATEMENTS}, repeats)
@@ -45,7 +44,7 @@ def main() -> None:
     print(table(rows))
     code = f"import sys; from emacm import *; print(*sorted(set({OPTIONAL}) & set(sys.modules)))"
     print("optional packages imported with all of emacm:", interpreter(code)().strip() or "none")
-    write_json(options.json, rows)
+    write_json(options, rows)
 
 
 if __name__ == "__main__":

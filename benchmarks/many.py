@@ -5,7 +5,7 @@ The recordings are those of `pipeline.py`: 5 channels of 10 s at 48 kHz. Threads
 24 of them, in recordings; the feature table is left out. Run from the repository, with one thread
 of the linear algebra:
 
-    OPENBLAS_NUM_THREADS=1 python benchmarks/many.py [--quick] [--json FILE]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/many.py [--quick] [--json [FILE]]
 """
 
 from __future__ import annotations
@@ -13,11 +13,10 @@ from __future__ import annotations
 import argparse
 import os
 import tracemalloc
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measure import header, medians, table, write_json
+from measure import header, json_option, medians, table, write_json
 from pipeline import LINEAR, SEGMENT, TOP, made
 from sklearn.pipeline import Pipeline, make_pipeline
 
@@ -55,7 +54,7 @@ def main() -> None:
     """Measure, print the tables and write them."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="short recordings, one repeat")
-    parser.add_argument("--json", type=Path, help="file for the figures")
+    json_option(parser)
     options = parser.parse_args()
     seconds, repeats = (1.0, 1) if options.quick else (10.0, 7)
     cores = [n for n in (1, 2, 4, 8) if n <= (os.cpu_count() or 1)]
@@ -79,7 +78,7 @@ def main() -> None:
             rows.append(row | {"memory of 24 [recordings]": memory})
     print(f"16 recordings of {seconds:g} s, medians of {repeats}; threads: speed relative to one")
     print(table(rows))
-    write_json(options.json, rows)
+    write_json(options, rows)
 
 
 if __name__ == "__main__":

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import platform
 import statistics
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -72,11 +75,32 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join(line.rstrip() for line in lines)
 
 
-def write_json(path: Path | None, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows, and what they were measured on, if a path is given."""
-    if path is not None:
-        found = {"machine": machine(), "rows": list(rows)}
-        path.write_text(json.dumps(found, indent=1), encoding="utf-8")
+def json_option(parser: argparse.ArgumentParser) -> None:
+    """Add the option by which a benchmark writes its figures."""
+    parser.add_argument(
+        "--json",
+        type=Path,
+        nargs="?",
+        const=Path(__file__).parent / "results" / f"{Path(sys.argv[0]).stem}.json",
+        help="write the figures to this file, by default to results/; not with --quick",
+    )
+
+
+def write_json(options: argparse.Namespace, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows, and what they were measured on, if asked for and all was measured."""
+    if options.json is None or options.quick:
+        return
+    when = datetime.now(UTC).date().isoformat()
+    found = {"arguments": sys.argv[1:], "date": when, "machine": machine()}
+    lines = ",\n  ".join(json.dumps(row, default=_number) for row in rows)
+    text = f'{json.dumps(found, indent=1)[:-2]},\n "rows": [\n  {lines}\n ]\n}}\n'
+    options.json.parent.mkdir(exist_ok=True)
+    options.json.write_text(text, encoding="utf-8")
+
+
+def _number(value: Any) -> Any:
+    """Return the Python number of one of NumPy."""
+    return value.item()
 
 
 def _cell(value: Any) -> str:

@@ -8,7 +8,7 @@ time. Latency is the time from the last samples of a reading to its decision. Me
 tracemalloc over 3 s, and is that of a state. Run from the repository, with one thread of
 the linear algebra:
 
-    OPENBLAS_NUM_THREADS=1 python benchmarks/monitor.py [--quick] [--json FILE]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/monitor.py [--quick] [--json [FILE]]
 """
 
 from __future__ import annotations
@@ -16,11 +16,10 @@ from __future__ import annotations
 import argparse
 import time
 import tracemalloc
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measure import header, table, write_json
+from measure import header, json_option, table, write_json
 from sklearn.pipeline import Pipeline, make_pipeline
 
 from emacm import (
@@ -115,7 +114,7 @@ def main() -> None:
     """Measure, print the table and write it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer machines, 8 s each")
-    parser.add_argument("--json", type=Path, help="file for the figures")
+    json_option(parser)
     options = parser.parse_args()
     model = fitted()
     sizes = ((1, 8.0), (10, 8.0)) if options.quick else ((1, 60.0), (10, 20.0), (100, 10.0))
@@ -124,7 +123,7 @@ def main() -> None:
     rows.append(row(model, 1, sizes[0][1], length=48))
     print(header())
     print(table(rows))
-    write_json(options.json, rows)
+    write_json(options, rows)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ a tone at order 49.5, noise floor, and power aliased from a tone at order 130.5.
 package's own segments of 16 revolutions; "as in the thesis" is `OrderPSD(n_per_segment=4096)`,
 without `max_order`. Run from the repository, with one thread:
 
-    OPENBLAS_NUM_THREADS=1 python benchmarks/pipeline.py [--quick] [--json FILE]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/pipeline.py [--quick] [--json [FILE]]
 """
 
 from __future__ import annotations
@@ -21,11 +21,10 @@ import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from measure import header, medians, table, write_json
+from measure import header, json_option, medians, table, write_json
 from numpy.typing import NDArray
 from scipy import fft
 from scipy.integrate import cumulative_trapezoid, trapezoid
@@ -177,7 +176,7 @@ def main() -> None:
     """Measure, print the tables and write them."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="short recordings, two repeats")
-    parser.add_argument("--json", type=Path, help="file for the figures")
+    json_option(parser)
     options = parser.parse_args()
     seconds, repeats = (2.0, 2) if options.quick else (10.0, 15)
 
@@ -226,7 +225,7 @@ def main() -> None:
     print("\n2 channels of 2,560 samples at 2,560 Hz, 20 rev/s; 32 recordings")
     print(table(of_short))
     rows += [row | {"variant": f"2 x 2,560 samples: {row['variant']}"} for row in of_short]
-    write_json(options.json, rows)
+    write_json(options, rows)
 
 
 if __name__ == "__main__":

@@ -11,8 +11,9 @@ model per load; one model for all loads, without the load as input; load left ou
 recordings of that load in training. All methods are trained on the 13 states (in one model: on
 pairs of state and load), which is better for each of them; families are the sums of their states.
 
-Without --test each run is left out in turn. With --test the models are trained on all of --train,
-and sequences of the test file that are copies of a training sequence are left out. Confidence
+Without options each run is left out in turn. With `--train-runs 4` the models are trained on runs
+1 to 4 and tested on the later ones. With --test they are trained on all of --train, and sequences
+of the test file that are copies of a training sequence are left out. Confidence
 intervals (95 %) are bootstrapped over runs, or over repetitions (`group`) if there are fewer
 than five runs.
 
@@ -26,13 +27,13 @@ it, trained on runs 1 to 4 and tested on runs 5 to 7 per load, balanced accuraci
 families are the same to three digits; 2 % of the recordings of an unseen state, and 4 % of those of
 a load that was not in training, are decided to be unknown (`unknown.py` measures it in full).
 
-    python benchmarks/real_actuator.py [--train FILE] [--test FILE] [--json FILE] [--quick]
+    python benchmarks/real_actuator.py [--train FILE] [--test FILE | --train-runs 4] [--json [FILE]]
+        [--quick]
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import time
 import warnings
@@ -44,7 +45,7 @@ import numpy as np
 import pandas as pd
 from actuator_control import cut_alike, cut_at_random
 from actuator_methods import METHODS, TRIED, Fold, Recipe, missing_methods, separations
-from measure import header
+from measure import header, json_option, write_json
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
@@ -267,7 +268,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--train", type=Path, help="file; default: the one below EMACM_DATA")
     parser.add_argument("--test", type=Path, help="file of later runs; default: each run in turn")
-    parser.add_argument("--json", type=Path, help="file for the figures")
+    parser.add_argument("--train-runs", type=int, help="train on so many runs, test on the others")
+    json_option(parser)
     parser.add_argument("--quick", action="store_true", help="two sequences of each of two runs")
     options = parser.parse_args()
     file = chosen_file(options)
@@ -278,6 +280,9 @@ def main() -> None:
     if options.test:
         later = read(options.test)
         known, folds = joined(known, few(later) if options.quick else later)
+    elif options.train_runs:
+        early = known.run <= options.train_runs
+        folds = [Fold(early, ~early, f"runs after {options.train_runs}")]
     else:
         folds = folds_by_run(known)
     print(f"{len(known.X)} recordings; held out: {', '.join(fold.name for fold in folds)}")
@@ -297,8 +302,7 @@ def main() -> None:
         f"{kinds.round(3).to_string()}\n\nspectral features by order\n{orders.round(3).to_string()}"
     )
     print(REMARKS)
-    if options.json:
-        options.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+    write_json(options, rows)
 
 
 def few(known: Recordings, n_runs: int = 2) -> Recordings:

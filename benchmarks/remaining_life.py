@@ -10,7 +10,7 @@ Without the folder this part is skipped. Nothing was tuned on these data: the on
 the vibration. Run from the repository:
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/remaining_life.py [--quick] [--trials 400]
-        [--seed 0] [--pronostia FOLDER] [--cache FILE.npz] [--json FILE]
+        [--seed 0] [--pronostia FOLDER] [--cache FILE.npz] [--json [FILE]]
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from measure import header, table, write_json
+from measure import header, json_option, table, write_json
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.stats import binom
@@ -123,6 +123,13 @@ def simulated_coverage(model: str, ends: str, n_trials: int, seed: int) -> list[
             row[name] = float(found["inside"][part].mean()) if part.any() else None
         rows.append(row)
     return rows
+
+
+def coverage_range(rows: list[dict[str, Any]], model: str, ends: str) -> dict[str, Any]:
+    """Return the least and the largest coverage over the ages of a case."""
+    case = f"{model}, {f'observed to {ends}' if ends else 'all failed'}, "
+    covered = [row["coverage"] for row in rows if row[""].startswith(case)]
+    return {"": f"{case}all ages", "lowest": min(covered), "highest": max(covered)}
 
 
 def rms_of_records(folder: Path) -> Array:
@@ -242,13 +249,14 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="other seeds are other units")
     parser.add_argument("--pronostia", type=Path)
     parser.add_argument("--cache", type=Path)
-    parser.add_argument("--json", type=Path)
+    json_option(parser)
     options = parser.parse_args()
     print(header())
     rows: list[dict[str, Any]] = []
     for model, ends in CASES:
         n_trials = 3 if options.quick else options.trials
         rows += simulated_coverage(model, ends, n_trials, options.seed)
+    ranges = [coverage_range(rows, model, ends) for model, ends in CASES]
     print(f"\nSimulated: {N_UNITS} units in a fleet, intervals of {COVERAGE:.0%}\n{table(rows)}")
     if options.pronostia is None or not options.pronostia.is_dir():
         print("\nPRONOSTIA: skipped; give the folder of the data by --pronostia.")
@@ -260,7 +268,7 @@ def main() -> None:
             "score is computed with 339 s (official) or 2890 s (files) for Bearing1_4."
         )
         rows += found
-    write_json(options.json, rows)
+    write_json(options, [*ranges, *rows])
 
 
 if __name__ == "__main__":

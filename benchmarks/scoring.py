@@ -1,6 +1,6 @@
 """Scoring 10,000 files: CPU time for each file, and memory.
 
-    python benchmarks/scoring.py [--quick] [--files N]
+    python benchmarks/scoring.py [--quick] [--files N] [--json [FILE]]
 
 One file of 3 s at 12 kHz (vibration and speed, float32, 288 kB) is written 100 times with different
 noise, and linked under 10,000 names, so that the disk holds 29 MB. `emacm score` runs in a process
@@ -22,10 +22,11 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from measure import medians
+from measure import json_option, medians, write_json
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
@@ -145,6 +146,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="1000 files")
     parser.add_argument("--files", type=int, default=10_000)
+    json_option(parser)
     options = parser.parse_args()
     n_files = 1000 if options.quick else options.files
     with tempfile.TemporaryDirectory() as name:
@@ -152,18 +154,22 @@ def main() -> None:
         (folder / "files").mkdir()
         write_files(folder / "files", n_files)
         write_model(folder)
-        for title, ratio in ratios(folder).items():
+        found = ratios(folder)
+        rows: list[dict[str, Any]] = [{"of": title, "ratio": r} for title, r in found.items()]
+        for title, ratio in found.items():
             print(f"  {title:31} {ratio:5.2f}   wanted {WANTED[title]:g}")
         print(f"{n_files} files of 3 s at 12 kHz")
         for kernels in ("numba", "numpy"):
             start, small = measured(folder, ["files/00000.npz"], kernels)
             total, memory = measured(folder, ["files"], kernels)
-            rows = (folder / "table.csv").read_text().count("\n") - 1
-            assert rows == n_files
+            n_rows = (folder / "table.csv").read_text().count("\n") - 1
+            assert n_rows == n_files
             per_file = 1000 * (total - start) / (n_files - 1)
             print(f"{kernels}: start {start:.2f} s, {small:.0f} MB")
+            rows.append({"of": kernels} | dict(zip(LIMITS, (per_file, memory), strict=True)))
             for title, value in zip(LIMITS, (per_file, memory), strict=True):
                 print(f"  {title:24} {value:8.2f}   limit {LIMITS[title]:g}")
+    write_json(options, rows)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ bin, with spectra kept by `OrderPSD(memory=folder)`, against the least that it c
 alone, each once, and the same grid with the spectra given. Without memory and with
 `Pipeline(memory=...)`, a small part of the grid is timed and scaled. Run from the repository:
 
-    python benchmarks/search.py [--quick] [--json FILE]
+    python benchmarks/search.py [--quick] [--json [FILE]]
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Any
 
 import joblib
 import numpy as np
-from measure import header, table, write_json
+from measure import header, json_option, table, write_json
 from numpy.typing import NDArray
 from sklearn.decomposition import PCA
 from sklearn.model_selection import GridSearchCV, KFold
@@ -184,7 +184,7 @@ def main() -> None:
     """Measure, print the table and write it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a small grid, short recordings")
-    parser.add_argument("--json", type=Path, help="file for the figures")
+    json_option(parser)
     options = parser.parse_args()
     grid = QUICK if options.quick else GRID
     X, y = recordings(20, 12_000) if options.quick else recordings(40, 96_000)
@@ -199,7 +199,7 @@ def main() -> None:
         f"{candidates} candidates x {FOLDS.n_splits} folds; scaled: times what was timed"
     )
     print(table(rows))
-    write_json(options.json, rows)
+    write_json(options, rows)
 
 
 if __name__ == "__main__":

@@ -41,7 +41,7 @@ variants too. The temperature is rather too high for runs 1 to 4, each left out 
 of it has 3 to 6 % less log loss. With phase, no family is mistaken there, so that these runs do not
 tell what mistakes between families cost in later ones.
 
-    python benchmarks/unknown.py [--data FILE] [--quick]
+    python benchmarks/unknown.py [--data FILE] [--json [FILE]] [--quick]
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from measure import header, medians
+from measure import header, json_option, medians, write_json
 from numpy.typing import NDArray
 from sklearn.calibration import CalibratedClassifierCV
 from sklearn.ensemble import IsolationForest
@@ -451,20 +451,29 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, help="file; default: the one below EMACM_DATA")
+    json_option(parser)
     parser.add_argument("--quick", action="store_true", help="one load, every other run, few units")
     options = parser.parse_args()
     print(header())
     folder = os.environ.get("EMACM_DATA")
     files = sorted(Path(folder).glob("cranfield_ema/cranfield*.npz")) if folder else []
     file = options.data or (files[0] if files else None)
+    rows: list[dict[str, Any]] = []
     pd.set_option("display.width", 200, "display.max_columns", None, "display.precision", 3)
     with threadpool_limits(1):
         for phase in (False, True) if file else ():
             table = cranfield(file, phase=phase, quick=options.quick)
             of = "with phase" if phase else "without phase"
-            print(f"\nfamily left out of training, {of}\n{unknown_families(table)}")
-            print(f"\n13 states, {of}\n{calibration(table)}")
-            print(f"\nrealised over expected cost, {of}\n{realised_costs(table)}")
+            for title, found in (
+                ("family left out of training", unknown_families(table)),
+                ("13 states", calibration(table)),
+                ("realised over expected cost", realised_costs(table)),
+            ):
+                print(f"\n{title}, {of}\n{found}")
+                rows += [
+                    {"table": title, "of": of} | row
+                    for row in found.reset_index().to_dict("records")
+                ]
         with warnings.catch_warnings():
             # Of singular covariances, and of recordings outside of the training.
             warnings.simplefilter("ignore", UserWarning)
@@ -486,7 +495,11 @@ def main() -> None:
             few = part[part < 0.95].round(2).to_dict()
             print(f"{name}: mean {part.mean():.3f}; kinds below 0.95: {few}")
     print(f"\nnew lines that are stated, by amplitude over that of the channel\n{weak}")
-    if not file:
+    for way, rates in found.items():
+        rows += [{"table": str(way), "kind": kind, "share": rate} for kind, rate in rates.items()]
+    if file:
+        write_json(options, rows)
+    else:
         print("no recordings of the Cranfield actuator: give --data, or set EMACM_DATA")
 
 
