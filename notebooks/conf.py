@@ -32,7 +32,7 @@ templates_path = ["templates"]
 
 # Notebooks are stored executed; myst-nb must not run them again.
 nb_execution_mode = "off"
-myst_enable_extensions = ["colon_fence", "deflist"]
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 
 autosummary_generate = True
