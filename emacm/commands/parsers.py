@@ -239,6 +239,8 @@ def _monitor(command: Add) -> None:
         "mqtt://[user@]host[:port]/topic, which needs a history; may be repeated"
     )
     add("--sink", action="append", default=[], metavar="SINK", help=sink)
+    page = "folder of fleet.html, the page of all units in the history, which is kept up to date"
+    add("--page", type=Path, metavar="DIR", help=page)
     kept = "store the signals of N readings up to each alarm, which emacm score decides on again"
     add("--keep-alarms", type=_count, metavar="N", help=kept)
     folder = "folder of these signals (default: evidence)"
@@ -293,7 +295,7 @@ def _report(command: Add) -> None:
     _add_files(add)
     out = "folder of the pages, or one file that ends with .html (default: report)"
     add("--out", type=Path, default=Path("report"), metavar="DIR", help=out)
-    history = "table of earlier results, of emacm score"
+    history = "table of earlier results, of emacm score; of a history, also the page of the fleet"
     add("--history", type=_existing, metavar="FILE", help=history)
     _add_report_options(add)
 

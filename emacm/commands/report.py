@@ -14,9 +14,11 @@ from emacm.commands.find import parts_of_options
 from emacm.commands.paths import expanded
 from emacm.files.folder import open_recording
 from emacm.files.layout import Layout
+from emacm.history.sqlite_history import History, is_history
 from emacm.recordings.names import printable
 from emacm.reports import inputs
 from emacm.reports.facts import when
+from emacm.reports.fleet import write_fleet
 from emacm.reports.maintenance import Reports, add_since, read_settings
 from emacm.reports.pages import Page
 
@@ -34,6 +36,8 @@ def run(options: argparse.Namespace) -> int:
     reports = FileReports(options, layout, options.out)
     history = None if options.history is None else inputs.read_results(options.history)
     last, failed = reports.write(paths, history)
+    if options.history is not None:
+        reports.write_fleet(options.history)
     print(f"{len(paths)} reports: {printable(last)}")
     return 3 if failed else 0
 
@@ -57,11 +61,15 @@ class FileReports:
         parts = parts_of_options(options) if stated else None
         self._reports = Reports(read_settings(options.model, actions, parts), out)
         self._layout, self._unit, self._time = layout, options.unit, options.time
+        self._out = out
+        known = options.history if options.command == "report" else options.out
+        self._has_fleet = not self._reports.is_file and is_history(known)
 
     def write(self, paths: Sequence[Path], history: pd.DataFrame | None) -> tuple[Path, bool]:
         """Write the pages of files; return the last one, and whether a decision is missing."""
         pages = self._pages(paths, history)
-        return self._reports.write(pages)[-1], any(page.kind == "error" for page in pages)
+        files = self._reports.write(pages, has_fleet=self._has_fleet)
+        return files[-1], any(page.kind == "error" for page in pages)
 
     def update(self, rows: pd.DataFrame, at_once: int = 8) -> None:
         """Write the pages of new results, and an index of all.
@@ -85,7 +93,13 @@ class FileReports:
             for page, digest in zip(pages, part["id"], strict=True):
                 page.digest = digest
             known = zip(others["recording"], others["decision"], strict=True)
-            self._reports.write(pages, [Page(name, str(made), "state") for name, made in known])
+            before = [Page(name, str(made), "state") for name, made in known]
+            self._reports.write(pages, before, has_fleet=self._has_fleet)
+
+    def write_fleet(self, path: Path) -> None:
+        """Write the page of the fleet beside the others, if results are a history."""
+        if self._has_fleet:
+            write_fleet(self._out, History(path))
 
     def _pages(self, paths: Sequence[Path], history: pd.DataFrame | None) -> list[Page]:
         layout, unit = self._layout, self._unit

@@ -13,7 +13,7 @@ import pandas as pd
 
 from emacm._saved import written_whole
 from emacm.history.records import SCHEMA, record_of
-from emacm.history.sqlite_history import History
+from emacm.history.sqlite_history import History, is_history
 from emacm.models.scoring import score_columns
 from emacm.reports.inputs import as_cell, of_cell
 
@@ -43,7 +43,7 @@ def result_table(path: Path, model: Any) -> ResultTable | HistoryTable:
     ValueError
         If the name of the file has another suffix.
     """
-    if path.suffix in (".sqlite", ".db"):
+    if is_history(path):
         return HistoryTable(path)
     if path.suffix not in (".csv", ".jsonl", ".parquet"):
         raise ValueError(f"{str(path)!r} must end with one of .csv, .jsonl, .parquet, .sqlite.")

@@ -108,6 +108,7 @@ class _Work:
             self._table.finish([*rows, *others])
         if self._reports is not None and rows:
             self._reports.update(pd.DataFrame(rows).assign(path=paths, is_new=is_new))
+            self._reports.write_fleet(self._options.out)
         return rows
 
     def _paths(self, settled: float = 2.0) -> Iterator[Path]:

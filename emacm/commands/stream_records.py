@@ -6,6 +6,7 @@ import argparse
 import json
 import math
 import sys
+import time
 from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
@@ -18,6 +19,7 @@ from emacm.history.alarm_states import AlarmStates, reasons_of
 from emacm.history.false_alarms import AlarmSetting, alarm_setting
 from emacm.history.records import identity, record_of
 from emacm.history.sinks import JsonLines, sinks_of
+from emacm.history.sqlite_history import History
 from emacm.models.model_files import model_description
 from emacm.recordings.names import printable
 from emacm.reports.facts import healthy_label
@@ -57,6 +59,9 @@ class StreamRecords:
         self._alarms = AlarmStates(unit, self._setting.rule)
         self._turns_since: float | None = None  # time of the stream [s]
         self._sinks = [JsonLines(), *sinks_of(options.sink)]
+        self._page_written = -math.inf  # time of the computer [s]
+        if options.page and not isinstance(self._sinks[-1], History):
+            raise ValueError("--page needs a history: give --sink FILE.sqlite as well.")
 
     def _alarm_setting(self, model: Any) -> AlarmSetting:
         """Return the setting for the accepted false alarms, and state it."""
@@ -137,9 +142,26 @@ class StreamRecords:
         for record in records:
             for sink in self._sinks:
                 sink.write(record)
+        self._write_page()
+
+    def _write_page(self, every: float = 10.0) -> None:
+        """Write the page of the fleet, at most once in some seconds."""
+        history = self._sinks[-1]
+        now = time.monotonic()
+        if (
+            self._options.page
+            and isinstance(history, History)
+            and now >= self._page_written + every
+        ):
+            from emacm.reports.fleet import write_fleet  # needs jinja2
+
+            self._page_written = now
+            healthy = None if self._healthy is None else str(self._healthy)
+            write_fleet(self._options.page, history, healthy=healthy, only=self._same["unit"])
 
     def close(self) -> None:
-        """Close the sinks."""
+        """Write the page of the fleet, and close the sinks."""
+        self._write_page(every=0.0)
         for sink in self._sinks:
             sink.close()
 

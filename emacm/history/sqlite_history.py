@@ -27,18 +27,23 @@ _TABLES = (
     'features (id TEXT PRIMARY KEY, made_by TEXT, "values" BLOB)',
 )
 _INDICES = ('records_of_unit ON records (unit, "end")', "records_of_name ON records (recording)")
-_LAST = """
+_UNITS = """
 WITH RECURSIVE units(unit) AS (
     SELECT min(unit) FROM records
     UNION ALL
     SELECT (SELECT min(unit) FROM records WHERE unit > units.unit) FROM units WHERE unit NOT NULL
 )
-SELECT (SELECT record FROM records WHERE unit = units.unit ORDER BY "end" DESC LIMIT 1) FROM units
-"""  # unit after unit by the index: a history of 700,000 records is not read as a whole
+SELECT unit FROM units WHERE unit NOT NULL
+"""  # one after the other by the index: a history of 700,000 records is not read as a whole
 _IS_CHANGED = (  # who acknowledged it is kept; what is written again does not open it again
     "ON CONFLICT (id, since) DO UPDATE SET state = excluded.state, time = excluded.time, "
     "text = excluded.text WHERE excluded.time >= alarms.time"
 )
+
+
+def is_history(path: Path | None) -> bool:
+    """Tell whether the name of a file is that of a history."""
+    return path is not None and path.suffix in (".sqlite", ".db")
 
 
 class History:
@@ -118,9 +123,12 @@ class History:
         found = self._base.execute(f'SELECT record FROM records {where} ORDER BY "end", id', values)
         return [json.loads(text) for (text,) in found]
 
-    def last_records(self) -> list[dict[str, Any]]:
-        """Return the last record of each unit."""
-        return [json.loads(text) for (text,) in self._base.execute(_LAST) if text]
+    def last_records(self, most: int = 1) -> list[dict[str, Any]]:
+        """Return the last records of each unit, at most so many, in order of their end."""
+        query = 'SELECT record FROM records WHERE unit = ? ORDER BY "end" DESC, id DESC LIMIT ?'
+        units = [unit for (unit,) in self._base.execute(_UNITS)]
+        found = [self._base.execute(query, (unit, most)).fetchall()[::-1] for unit in units]
+        return [json.loads(text) for records in found for (text,) in records]
 
     def known(self) -> list[dict[str, Any]]:
         """Return recording, identity, decision and error of each record."""

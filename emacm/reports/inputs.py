@@ -115,6 +115,7 @@ def read_results(path: Path) -> pd.DataFrame:
         ".jsonl": partial(pd.read_json, lines=True, dtype=False),
         ".parquet": pd.read_parquet,
         ".sqlite": _read_history,
+        ".db": _read_history,
     }
     with located(str(path)):
         if path.suffix not in readers:

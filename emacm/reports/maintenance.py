@@ -16,7 +16,6 @@ from urllib.parse import quote
 
 import pandas as pd
 
-from emacm._saved import written_whole
 from emacm.machine.fault_lines import fault_series
 from emacm.models.model_files import load_model
 from emacm.models.scoring import check_model
@@ -27,30 +26,7 @@ from emacm.reports.facts import decisions_of, healthy_label, model_facts, when
 from emacm.reports.pages import URGENCIES, Page, Settings, page_of
 from emacm.reports.pictures import drawn
 from emacm.reports.plain_pages import encoded_svg
-
-
-def templates() -> Any:
-    """Return the environment of the templates, which escapes all texts.
-
-    Raises
-    ------
-    ImportError
-        If jinja2 is not installed (extra ``report``).
-    """
-    try:
-        import jinja2
-    except ImportError as error:
-        raise ImportError(
-            "reports need jinja2 and matplotlib; run pip install 'emacm[report]'."
-        ) from error
-    return jinja2.Environment(
-        loader=jinja2.PackageLoader("emacm.reports"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+from emacm.reports.written_pages import templates, written_page
 
 
 def maintenance_report(
@@ -188,7 +164,9 @@ class Reports:
         triples = zip(file_stems(names), names, digests, strict=True)
         return [not _is_page(self._target / f"{s}.html", name, d) for s, name, d in triples]
 
-    def write(self, pages: Sequence[Page], before: Sequence[Page] = ()) -> list[Path]:
+    def write(
+        self, pages: Sequence[Page], before: Sequence[Page] = (), *, has_fleet: bool = False
+    ) -> list[Path]:
         """Write pages, and return the files; in a folder, the index is the last one.
 
         Parameters
@@ -197,9 +175,11 @@ class Reports:
             What is written.
         before : sequence of Page
             Pages in the folder that are only listed in the index, as they were.
+        has_fleet : bool
+            Whether the index links the page of the fleet.
         """
         if self.is_file:
-            return [_write(self._target, "maintenance", pages=map(_with_picture, pages))]
+            return [written_page(self._target, "maintenance", pages=map(_with_picture, pages))]
         listed = [*before, *pages]
         names = [f"{stem}.html" for stem in file_stems([page.name for page in listed])]
         links = ["./" + quote(name) for name in names]
@@ -214,9 +194,9 @@ class Reports:
         ]
         entries.sort(key=lambda entry: URGENCIES.index(entry[3]))
         # The index is first: missing pages, as after a kill, are noticed by the next run.
-        _write(index, "index", entries=entries)
+        written_page(index, "index", entries=entries, has_fleet=has_fleet)
         files = [
-            _write(self._target / name, "maintenance", pages=[_with_picture(page)])
+            written_page(self._target / name, "maintenance", pages=[_with_picture(page)])
             for page, name in zip(pages, names[len(before) :], strict=True)
         ]
         return [*files, index]
@@ -226,14 +206,6 @@ def _with_picture(page: Page) -> tuple[Page, str, str]:
     """Return a page, its picture as SVG in base64, and what it shows; empty if there is none."""
     figure, description = drawn(page)
     return page, "" if figure is None else encoded_svg(figure), description
-
-
-def _write(file: Path, template: str, **content: Any) -> Path:
-    """Write an HTML document that refers to no other file."""
-    html = templates().get_template(f"{template}.html.jinja2").render(**content)
-    with written_whole(file) as unfinished:
-        unfinished.write_text(html, encoding="utf-8", errors="backslashreplace")
-    return file
 
 
 def _is_page(file: Path, name: str, digest: str, n_head: int = 10_000) -> bool:

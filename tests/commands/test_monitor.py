@@ -313,6 +313,16 @@ def test_an_alarm_is_acknowledged_by_a_person_and_stays_so(here, capsys):
     assert "no open alarm '0f'" in capsys.readouterr().err
 
 
+def test_the_page_of_the_fleet_is_kept_up_to_date(here, capsys):
+    pytest.importorskip("jinja2", reason="jinja2 is not installed (extra 'report')")
+    options = ("--idle", "0", "--page", "page", *ALARMS, *RULE)
+    assert run(*options) == 2
+    assert "--page needs a history" in capsys.readouterr().err
+    assert run(*options, "--sink", "paged.sqlite", "--name", "pump 7") == 0
+    page = (here / "page" / "fleet.html").read_text()
+    assert re.search(">pump 7</a>.*>alarm</strong>, unit, decision: worn, raised", page, re.DOTALL)
+
+
 def test_the_schema_is_printed(capsys):
     assert main(["schema"]) == 0
     assert json.loads(capsys.readouterr().out) == SCHEMA

@@ -1,6 +1,7 @@
 """The command report and the reports of score: pages of files, with actions, parts and history."""
 
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -95,6 +96,21 @@ def test_earlier_results_state_since_when(here):
     html = Path("all.html").read_text(encoding="utf-8")
     assert "Since day 1, in 2 recordings in a row" in html
     assert "there is no file" in html or "No such file" in html
+
+
+@pytest.mark.slow
+def test_a_history_gives_the_page_of_the_fleet_with_links_to_recordings(here):
+    assert run("score", "--out", "seen.sqlite", "--unit", "unit", "--report", "pages") == 0
+    assert run("report", "--history", "seen.sqlite", "--unit", "unit") == 0
+    for folder in map(Path, ("pages", "report")):
+        assert '<a href="./fleet.html">' in (folder / "index.html").read_text(encoding="utf-8")
+        fleet = (folder / "fleet.html").read_text(encoding="utf-8")
+        (unit,) = re.findall(r'<td><a href="\./(unit_A_\w+\.html)">A</a></td>', fleet)
+        links = re.findall(
+            r'<a href="\./([^"]*)">new/', (folder / unit).read_text(encoding="utf-8")
+        )
+        assert sorted(links) == ["A_healthy_0.html", "A_healthy_1.html", "A_worn_2.html"]
+        assert all((folder / link).is_file() for link in links)
 
 
 def test_score_writes_reports_of_new_files_and_lists_all(here):
