@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.io
+import scipy.sparse
 
 from emacm import Layout, Recording, open_recording
 
@@ -262,3 +263,62 @@ def test_attributes_of_an_hdf5_file_hold_for_all_its_data_sets(tmp_path, key):
     run = open_recording(tmp_path / "a.h5", Layout(velocity=3))
     assert dict(run.fs) == {"bench/amp": 100, "vib": 100}
     assert dict(run.units) == {"bench/amp": "A", "vib": "g"}
+
+
+NOT_READ = {
+    "nothing": np.zeros(0),
+    "volume": np.zeros((2, 3, 4)),
+    "notes": np.array(["a", "b"]),
+    "pauses": np.array([1, 2], "m8[s]"),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("nothing", "is empty"),
+        ("volume", "has 3 dimensions"),
+        ("notes", "holds texts"),
+        ("pauses", "holds differences of times"),
+    ],
+)
+def test_an_array_that_cannot_be_a_channel_is_named_with_the_reason(name, reason, tmp_path):
+    np.savez(tmp_path / "a.npz", **NOT_READ, vib=VIB, speed=SPEED)
+    layout = Layout(channels=[name], velocity="speed", fs=2560)
+    with pytest.raises(ValueError, match=f"'{name}' {reason}"):
+        _ = open_recording(tmp_path / "a.npz", layout).channels
+
+
+def test_the_fields_of_a_structured_array_are_columns_beside_dates(tmp_path):
+    table = np.rec.fromarrays([VIB, SPEED], names=["vib", "speed"])
+    start = np.datetime64("2026-11-01T08:00:00", "us")
+    at = start + np.round(np.arange(N) * 1e6 / 2560).astype("m8[us]")
+    np.savez(tmp_path / "a.npz", bench=table, at=at)
+    opened = open_recording(tmp_path / "a.npz", Layout(velocity="bench.speed", time="at"))
+    np.testing.assert_array_equal(opened.signals["bench.vib"], VIB)
+    assert opened.fs["bench.vib"] == pytest.approx(2560, rel=1e-6)
+    assert opened.start == pd.Timestamp(start)
+
+
+def test_a_sparse_matrix_in_a_mat_file_is_no_channel(tmp_path):
+    sparse = scipy.sparse.csc_array(np.eye(3))
+    scipy.io.savemat(tmp_path / "a.mat", {"vib": VIB, "speed": SPEED, "map": sparse})
+    layout = Layout(channels=["map"], velocity="speed", fs=2560)
+    with pytest.raises(ValueError, match="'map' is sparse"):
+        _ = open_recording(tmp_path / "a.mat", layout).channels
+
+
+def test_parquet_reads_decimals_and_names_objects_that_it_does_not_read(tmp_path):
+    pyarrow, parquet = library("pyarrow"), library("pyarrow.parquet")
+    hundredths = np.round(VIB, 2)
+    columns = {
+        "vib": pyarrow.array(hundredths).cast(pyarrow.decimal128(6, 2)),
+        "speed": pyarrow.array(SPEED),
+        "pairs": pyarrow.array([[1, 2]] * N),
+    }
+    parquet.write_table(pyarrow.table(columns), tmp_path / "a.parquet")
+    opened = open_recording(tmp_path / "a.parquet", Layout(velocity="speed", fs=2560))
+    np.testing.assert_allclose(opened.signals["vib"], hundredths, rtol=1e-15)
+    layout = Layout(channels=["pairs"], velocity="speed", fs=2560)
+    with pytest.raises(ValueError, match="'pairs' holds values of the type list"):
+        _ = open_recording(tmp_path / "a.parquet", layout).channels
