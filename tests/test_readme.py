@@ -1,4 +1,4 @@
-"""The README's code runs as printed and gives the figures stated in the text."""
+"""Code of README and of the page on the method runs and gives the figures in the text."""
 
 import re
 import subprocess
@@ -15,10 +15,11 @@ from emacm.__main__ import main
 
 README = Path(__file__).parents[1] / "README.md"
 README_TEXT = README.read_text(encoding="utf-8")
+METHOD_TEXT = (README.parent / "notebooks" / "method.md").read_text(encoding="utf-8")
 
 
-def code_blocks(language):
-    return re.findall(rf"```{language}\n(.*?)```", README_TEXT, re.DOTALL)
+def code_blocks(language, text=README_TEXT):
+    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
 
 
 def names_after(script):
@@ -42,17 +43,18 @@ def run_csv(tmp_path, monkeypatch):
 def decisions(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("decisions"))
-        names = names_after(code_blocks("python")[2])
+        names = names_after(code_blocks("python", METHOD_TEXT)[0])
         names["saved"] = load_model("model.skops")
     return names
 
 
-def test_it_fits_into_two_hundred_lines():
-    assert len(README_TEXT.splitlines()) <= 200
+def test_it_fits_into_150_lines_and_a_decision_into_15():
+    assert len(README_TEXT.splitlines()) <= 150
+    assert len(code_blocks("python")[0].splitlines()) <= 15
 
 
 def test_a_file_of_ones_own_leads_to_its_order_spectrum(run_csv, tmp_path, capsys):
-    names = names_after(code_blocks("python")[0])
+    names = names_after(code_blocks("python")[1])
     assert (tmp_path / "spectrum.png").exists()
     spectrum = names["spectrum"].transform([names["recording"]])[0]
     assert np.argmax(spectrum) / 8 == 3.125
@@ -70,7 +72,7 @@ def test_a_damaged_bearing_in_a_mat_file_is_named(tmp_path, monkeypatch, capsys)
     ringing = np.exp(-np.arange(60) / 10) * np.sin(0.6 * np.pi * np.arange(60))
     signal = np.convolve(struck, ringing)[: 8 * fs] + 0.3 * rng.standard_normal(8 * fs)
     savemat("bearing.mat", {"X105_DE_time": signal[:, np.newaxis], "X105_FE_time": signal[::-1]})
-    names_after(code_blocks("python")[1])
+    names_after(code_blocks("python")[2])
     assert capsys.readouterr().out.startswith("BPFI ")
 
 
@@ -79,7 +81,7 @@ def test_the_rates_in_the_text_are_those_of_the_example(decisions):
     stated = re.search(
         r"(\d+) % of the healthy .*? called faulty, (\d+) % are sent to inspection, and\s"
         r"(\d+) % of the faulty",
-        README_TEXT,
+        METHOD_TEXT,
     ).groups()
     row = decisions["result"].table.loc["by unit"]
     rates = row[["false_alarm_rate", "inspection_rate", "missed_detection_rate"]]
@@ -108,7 +110,11 @@ def test_all_blocks_run_on_the_files_of_the_example(tmp_path, monkeypatch, capsy
     folder = tmp_path / "example"
     assert main(["example", str(folder)]) == 0
     monkeypatch.chdir(folder)
-    for block in code_blocks("python")[:2]:
+    decision, *others = code_blocks("python")
+    names = names_after(decision)
+    decided = names["model"].predict(names["new"])
+    assert list(decided) == [recording.meta["state"] for recording in names["new"]]
+    for block in others:
         names_after(block)
     assert "\nBPFI " in capsys.readouterr().out
     programs = folder / ".venv" / "bin"
