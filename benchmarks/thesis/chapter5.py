@@ -87,7 +87,7 @@ def reproduce_chapter5(
     tested = flagged_recordings(features, found)
     detection = detection_table(severity_of_detection(tested))
     chapter.opening = _OPENING
-    chapter.draw("Severity of detection", draw_detection(detection), _CAPTION)
+    chapter.draw("Severities of detection", draw_detection(detection), _CAPTION)
     chapter.tables["severity of detection"] = as_text_table(detection)
     chapter.tables["thresholds in standard deviations"] = threshold_table(features, found)
     chapter.tables["false alarms of units that set no threshold"] = false_alarms(tested)
@@ -149,7 +149,7 @@ def _viable(detection: pd.DataFrame, varied: pd.DataFrame) -> Verdict:
         f"{len(both)} (phase imbalance from severity {three:g}, by one phase from {one:g}); the "
         f"accelerometer {seen[SIGNALS['accelerometer']].sum()}. With {TWICE} one phase shows "
         f"{twice}. Sizes of faults are assumed.",
-        "Severity of detection",
+        "Severities of detection",
     )
 
 

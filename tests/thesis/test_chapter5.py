@@ -130,8 +130,8 @@ def test_a_quick_run_has_every_fault_signal_and_question(tmp_path):
     assert float(detection.loc["phase imbalance", "Current"].split()[0]) <= 1
     assert float(detection.loc["jam", "Current"].split()[0]) <= 1
     assert len(chapter.tables) == 9
-    assert set(chapter.figures) == {"Severity of detection"}
-    caption = chapter.figures["Severity of detection"][1]
+    assert set(chapter.figures) == {"Severities of detection"}
+    caption = chapter.figures["Severities of detection"][1]
     assert "three phases: their unbalance alone" in caption
     # An unequal phase is nothing but an unbalance of the three.
     assert float(detection.loc["phase imbalance", PHASED].split()[0]) <= 0.1
@@ -141,7 +141,7 @@ def test_a_quick_run_has_every_fault_signal_and_question(tmp_path):
     apart = varied["two healthy units: correct [%]"]
     assert all(len(text.split(" / ")) == len(SIGNALS) for text in apart[:2])
     assert [v.evidence for v in chapter.verdicts] == [
-        "early detection of a growing fault", "Severity of detection"
+        "early detection of a growing fault", "Severities of detection"
     ]  # fmt: skip
     assert any(text.startswith("Not recognised as unknown are ") for text in chapter.remarks)
     assert any("recordings" in line for line in lines)
