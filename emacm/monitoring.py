@@ -27,13 +27,12 @@ from emacm.alarms.severity_zones import (
 )
 from emacm.history.records import record_of
 from emacm.history.sqlite_history import History
-from emacm.life.maintenance import MaintenanceCosts
 from emacm.life.prognostic_metrics import (
     coverage_by_unit,
     phm2012_lives,
     phm2012_score,
 )
-from emacm.life.remaining_life import RemainingLife
+from emacm.life.remaining_life import MaintenanceCosts, RemainingLife
 from emacm.streams.order_monitor import OrderMonitor
 from emacm.streams.streamed_models import Reading
 

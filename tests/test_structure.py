@@ -18,7 +18,6 @@ ORDER = [
     "_checks",
     "_saved",
     "_kernels",
-    "_statements",
     "shaft",
     "recordings",
     "files",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from emacm.reports.model_cards import describe_model
-from emacm.reports.plain_pages import written_record
+from emacm.reports.written_pages import written_record
 
 
 def run(options: argparse.Namespace) -> int:

@@ -20,14 +20,13 @@ from emacm._saved import locked
 from emacm.commands.paths import expanded
 from emacm.commands.result_tables import HistoryTable, Row, columns_of, lines_of, result_table
 from emacm.conditions.router import ConditionRouter
-from emacm.decisions.model_digest import model_digest
 from emacm.decisions.pipelines import final_estimator
 from emacm.files.folder import FileRecording, open_recording
 from emacm.files.layout import Layout
 from emacm.history.records import identity, record_of
 from emacm.models.model_files import load_model, model_description
 from emacm.models.scoring import check_model, scored_rows
-from emacm.recordings.digests import digest_of_file
+from emacm.recordings.digests import digest_of_file, model_digest
 from emacm.recordings.names import printable
 from emacm.reports.facts import decisions_of
 

@@ -14,13 +14,13 @@ from typing import Any
 
 import pandas as pd
 
-from emacm.decisions.model_digest import model_digest
 from emacm.history.alarm_states import AlarmStates, reasons_of
 from emacm.history.false_alarms import AlarmSetting, alarm_setting
 from emacm.history.records import identity, record_of
 from emacm.history.sinks import JsonLines, sinks_of
 from emacm.history.sqlite_history import History
 from emacm.models.model_files import model_description
+from emacm.recordings.digests import model_digest
 from emacm.recordings.names import printable
 from emacm.reports.facts import healthy_label
 from emacm.streams.streamed_models import Reading

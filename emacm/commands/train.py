@@ -21,7 +21,6 @@ from emacm._checks import check_number
 from emacm.commands.find import parts_of_options
 from emacm.commands.score import set_costs
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
-from emacm.decisions.model_digest import model_digest
 from emacm.decisions.pipelines import groups_options
 from emacm.evaluation.comparison import compare
 from emacm.evaluation.evaluate import evaluate
@@ -34,6 +33,7 @@ from emacm.models.model_files import load_model, save_model
 from emacm.models.recipes import actuator_recipe, bearing_recipe
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
+from emacm.recordings.digests import model_digest
 from emacm.recordings.meta import read_meta
 from emacm.reports.facts import healthy_label
 from emacm.reports.inputs import meta_value

@@ -7,7 +7,7 @@ import argparse
 from emacm.files.folder import RecordingFolder
 from emacm.files.layout import Layout
 from emacm.models.model_files import model_description
-from emacm.reports.plain_pages import written_record
+from emacm.reports.written_pages import written_record
 from emacm.verification.models import verify_model
 from emacm.verification.record import verify
 

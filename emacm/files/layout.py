@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from math import isfinite
@@ -15,8 +16,45 @@ from typing import Any
 import pandas as pd
 
 from emacm._checks import check_number, located
-from emacm.files.toml_files import read_toml
 from emacm.recordings.names import chosen_channels, printable, split_unit
+
+
+def read_toml(path: Path, *, largest: int = 1 << 20, longest: int = 30_000) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Parameters
+    ----------
+    path : Path
+        The file, in UTF-8, with or without a byte order mark.
+    largest : int
+        Limit of its size [bytes].
+    longest : int
+        Limit of the length of a line, as keys of many parts take long.
+
+    Returns
+    -------
+    dict of str to object
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is too large, or not TOML.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {str(path)!r}.")
+    lines = path.read_bytes().split(b"\n") if path.stat().st_size <= largest else []
+    if not lines or max(map(len, lines)) > longest:
+        raise ValueError(
+            f"it has more than {largest} bytes, or {longest} in one line. Remove what is no "
+            f"setting, or divide the line."
+        )
+    try:
+        return tomllib.loads(b"\n".join(lines).decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"it is not valid TOML: {error}.") from error
+
 
 _SECOND = ("file", "column", "fs", "time")  # of the shaft in a second file
 _TACHO = ("column", "pulses_per_rev", "threshold", "hysteresis", "edge", "repair")

@@ -14,8 +14,7 @@ import pandas as pd
 
 from emacm._checks import located
 from emacm.files.folder import open_recording
-from emacm.files.layout import Layout
-from emacm.files.toml_files import read_toml
+from emacm.files.layout import Layout, read_toml
 from emacm.history.sqlite_history import History
 from emacm.machine.gears import Gear, PlanetaryGear
 from emacm.machine.motors import InductionMotor, Motor

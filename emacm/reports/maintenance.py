@@ -25,8 +25,7 @@ from emacm.recordings.names import printable
 from emacm.reports.facts import decisions_of, healthy_label, model_facts, when
 from emacm.reports.pages import URGENCIES, Page, Settings, page_of
 from emacm.reports.pictures import drawn
-from emacm.reports.plain_pages import encoded_svg
-from emacm.reports.written_pages import templates, written_page
+from emacm.reports.written_pages import encoded_svg, templates, written_page
 
 
 def maintenance_report(

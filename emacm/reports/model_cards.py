@@ -16,7 +16,7 @@ from emacm.displays.domain import DomainDisplay
 from emacm.evaluation.results import as_texts
 from emacm.models.evidence import evidence_table
 from emacm.models.model_files import model_description
-from emacm.reports.plain_pages import embedded, plain_page
+from emacm.reports.written_pages import embedded, plain_page
 
 
 class ModelCard(dict[str, Any]):

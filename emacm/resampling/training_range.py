@@ -7,14 +7,33 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from numbers import Real
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from emacm._statements import Statement
 from emacm.recordings.inputs import described
 from emacm.recordings.names import unit_ratio
 from emacm.resampling.quality import Quality
+
+
+class Statement(NamedTuple):
+    """A sentence, with the number that it states and the limit that this number exceeds.
+
+    Attributes
+    ----------
+    text : str
+        The sentence, with its unit.
+    severe : bool
+        Whether a decision should not be relied on; such statements are warned of.
+    value, limit : float or None
+        The number, and its limit in the training or in a standard; None where there is none.
+    """
+
+    text: str
+    severe: bool = False
+    value: float | None = None
+    limit: float | None = None
+
 
 Range = tuple[float, float]
 

@@ -15,11 +15,11 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm.alarms.control_charts import CUSUM, EWMA
 from emacm.alarms.input_alarms import InputAlarm
-from emacm.decisions.model_digest import model_digest
 from emacm.decisions.pipelines import search_estimator
 from emacm.decisions.risks import LeastRiskMixin
 from emacm.orders.bin_transformer import collected_statements
 from emacm.orders.order_psd import OrderPSD
+from emacm.recordings.digests import model_digest
 from emacm.resampling.order_resampler import OrderResampler, SignalCache
 from emacm.resampling.quality import Quality
 from emacm.resampling.training_range import outside_range

@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 
 from emacm._saved import installed_versions
-from emacm.reports.plain_pages import plain_page
-from emacm.verification import angles, decisions, monitoring, spectra
+from emacm.reports.written_pages import plain_page
+from emacm.verification import decisions, monitoring, signals
 
 Check = Callable[[], dict[str, float]]
 
@@ -124,7 +124,7 @@ def checks() -> dict[str, Check]:
     """Return the functions that compute the values, by name."""
     return {
         name: check
-        for module in (angles, spectra, decisions, monitoring)
+        for module in (signals, decisions, monitoring)
         for name, check in getmembers(module, isfunction)
         if check.__module__ == module.__name__ and not name.startswith("_")
     }
