@@ -196,7 +196,7 @@ def main() -> None:
     """Print both tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     json_option(parser)
-    parser.add_argument("--quick", action="store_true", help="two of the four loads")
+    parser.add_argument("--quick", action="store_true", help="the same, but writes no file")
     options = parser.parse_args()
     print(header())
     folder = Path(os.environ.get("EMACM_DATA", "")) / "bearings"

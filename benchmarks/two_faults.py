@@ -1,7 +1,7 @@
 """Two faults at once, decided by a classifier of single faults.
 
 Simulated actuators with damage of the inner ring and of the screw, of severities that are drawn
-independently. The model of README "From recordings to decisions" is trained on ten units of each
+independently. The model of the page on the method is trained on ten units of each
 single state. Tested are units that were not in training: 60 recordings with at most one fault,
 and 30 with two. "unknown" counts decisions, "stated" the recordings whose decision is a state,
 with a sentence about lines of a second one in the table of `score`; "silent" are all others.
@@ -32,7 +32,7 @@ SEVERITIES = (0.3, 0.7), (0.05, 0.4)
 
 
 def recipe() -> Any:
-    """Return the model of README, without costs and priors."""
+    """Return the model of that page, without costs and priors."""
     options: dict[str, Any] = {"unknown": "unknown", "unknown_rate": 0.02, "temperature": "groups"}
     return make_pipeline(
         emacm.OrderResampler(2 * np.pi / 64, channels=["current_a", "accelerometer"], min_speed=1),
