@@ -2,16 +2,18 @@
 
 import importlib
 import os
-from pathlib import Path
 
-os.environ["MPLBACKEND"] = "Agg"
-
+from docutils import nodes
+from sphinx import addnodes
 
 import emacm
 
-FOLDER = Path(__file__).parent
+os.environ["MPLBACKEND"] = "Agg"  # before an example imports matplotlib
+
 PUBLIC_MODULES = ["emacm", "emacm.monitoring", "emacm.displays", "emacm.simulation"]
 PUBLIC_MODULES += ["emacm.datasets", "emacm.shaft"]
+PAGES_WITHOUT_CHILDREN = ["index", "installation", "terms", "limits", "evidence", "comparison"]
+PAGES_WITHOUT_CHILDREN += ["contributing", "cite", "changes"]
 
 project = "emacm"
 author = copyright = "The emacm developers"
@@ -54,6 +56,7 @@ sphinx_gallery_conf = {
     "min_reported_time": 1_000,
     "thumbnail_size": (400, 280),
     "plot_gallery": "True",
+    "capture_repr": ("_repr_html_",),
 }
 
 html_theme = "pydata_sphinx_theme"
@@ -61,6 +64,7 @@ html_title = f"emacm {release}"
 html_static_path = ["static"]
 html_css_files = ["emacm.css"]
 html_copy_source = html_show_sourcelink = False
+html_sidebars = {page: [] for page in PAGES_WITHOUT_CHILDREN}
 html_theme_options = {
     "logo": {"text": "emacm"},
     "navbar_align": "left",
@@ -102,7 +106,18 @@ def skip_inherited(app, kind, name, member, skip, options):
     return skip or not module.startswith("emacm") or None
 
 
+def drop_citations(app, doctree):
+    """Remove the citations in the tables of the reference: their sources are not on that page."""
+    if app.env.docname == "reference":
+        for citation in list(doctree.findall(addnodes.pending_xref)):
+            if citation.get("refdomain") == "citation":
+                before = citation.parent[citation.parent.index(citation) - 1]
+                before.parent.replace(before, nodes.Text(before.astext().rstrip()))
+                citation.parent.remove(citation)
+
+
 def setup(app):
     """Connect the functions above."""
     app.connect("missing-reference", link_bare_name)
+    app.connect("doctree-read", drop_citations)
     app.connect("autodoc-skip-member", skip_inherited)

@@ -1,0 +1,95 @@
+"""The site: no warning, no dead link, each question answered within three clicks."""
+
+import re
+import shutil
+import subprocess
+import sys
+from html import unescape
+from importlib.util import find_spec
+from pathlib import Path
+from urllib.parse import unquote, urldefrag
+
+import pytest
+
+import emacm
+from emacm import displays, monitoring, simulation
+
+ROOT = Path(__file__).parents[1]
+NEEDED = (
+    "sphinx pydata_sphinx_theme myst_nb numpydoc sphinx_design sphinx_copybutton sphinx_gallery"
+)
+QUESTIONS = {  # and what its page must say
+    "read a CSV with decimal commas": ("plot_decimal_commas", 'decimal=","'),
+    "order spectrum of a run-up": ("plot_run_up", "OrderResampler"),
+    "which bearing ring": ("plot_which_ring", "inner ring"),
+    "decide with costs": ("plot_costs", "prices"),
+    "why was this decided": ("plot_why", "explain_decision"),
+    "what if it never saw this fault": ("plot_never_seen", "unknown_rate"),
+    "evaluate by unit": ("plot_by_unit", "units=units"),
+    "monitor a machine": ("plot_monitor", "monitor.push"),
+    "save a model": ("plot_save_a_model", "save_model"),
+    "add a sensor": ("plot_add_a_sensor", "shaft_fs"),
+    "cite": ("cite", "cff-version"),
+    "report a bug": ("contributing", "REPOSITORY/issues"),
+}
+
+
+def test_every_public_name_is_in_the_reference():
+    reference = (ROOT / "notebooks/reference.rst").read_text(encoding="utf-8")
+    names = {
+        name for module in (emacm, monitoring, displays, simulation) for name in module.__all__
+    }
+    assert names - set(re.findall(r"\w+", reference)) == {"__version__"}
+
+
+def test_examples_ask_a_question_and_are_short():
+    examples = sorted((ROOT / "notebooks/gallery").glob("*/plot_*.py"))
+    assert len(examples) >= 24
+    for example in examples:
+        _, text, code = example.read_text(encoding="utf-8").split('"""', 2)
+        lines = [line for line in code.splitlines() if line.strip()]
+        assert text.splitlines()[1].endswith("?"), example
+        assert len(lines) < 40, example
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """Return the pages of the site by path: their text, their links and their anchors."""
+    missing = [name for name in NEEDED.split() if find_spec(name) is None]
+    if missing:
+        pytest.skip(f"the extra site is not installed: {missing}")
+    folder = tmp_path_factory.mktemp("site") / "copy"
+    others = shutil.ignore_patterns(".*", "tests", "benchmarks", "examples", "reference", "site")
+    shutil.copytree(ROOT, folder, ignore=others)
+    command = [sys.executable, "-m", "sphinx", "-W", "-q", "notebooks", "html"]
+    subprocess.run(command, cwd=folder, check=True)
+    pages = (path for path in (folder / "html").rglob("*.html") if "_static" not in path.parts)
+    return {path: path.read_text(encoding="utf-8") for path in pages}
+
+
+def links(page, text):
+    """Yield the files and anchors to which a page links within the site."""
+    text = re.sub(r'srcdoc="[^"]*"', "", text)
+    for link in re.findall(r'<(?:a|img|link|script)\b[^>]*?(?:href|src)="([^"]+)"', text):
+        if not re.match(r"[a-z]+:", link):
+            path, anchor = urldefrag(link)
+            path = re.sub(r"\?.*", "", unquote(path))
+            yield (page.parent / path).resolve() if path else page, unquote(anchor)
+
+
+@pytest.mark.slow
+def test_no_link_within_the_site_is_dead(site):
+    for page, text in site.items():
+        for target, anchor in links(page, text):
+            assert target.exists(), (page.name, target)
+            assert not anchor or f'id="{anchor}"' in site[target], (page.name, target.name, anchor)
+
+
+@pytest.mark.slow
+def test_each_question_is_answered_within_three_clicks(site):
+    reached = {min(site, key=lambda page: (len(page.parts), page.name != "index.html"))}
+    for _ in range(3):
+        reached |= {target for page in reached & set(site) for target, _ in links(page, site[page])}
+    answers = {page.stem: re.sub(r"<[^>]+>", "", site[page]) for page in reached & set(site)}
+    for question, (name, words) in QUESTIONS.items():
+        assert words in unescape(answers.get(name, "")), question
