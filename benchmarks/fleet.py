@@ -296,7 +296,7 @@ def main() -> None:
         size = (20, 240) if quick else (1000, 720)
         found = list(month(features, 20 if quick else 60, 1.0, *size, Path(folder) / "h.sqlite"))
     print(f"\nA month of {size[0]} machines, a recording per hour\n{table(found)}")
-    write_json(options.json, rows + found)
+    write_json(options, rows + found)
 
 
 if __name__ == "__main__":

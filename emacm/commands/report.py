@@ -99,7 +99,9 @@ class FileReports:
     def write_fleet(self, path: Path) -> None:
         """Write the page of the fleet beside the others, if results are a history."""
         if self._has_fleet:
-            write_fleet(self._out, History(path))
+            history = History(path)
+            write_fleet(self._out, history, healthy=self._reports.healthy)
+            history.close()
 
     def _pages(self, paths: Sequence[Path], history: pd.DataFrame | None) -> list[Page]:
         layout, unit = self._layout, self._unit

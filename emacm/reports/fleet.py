@@ -31,7 +31,7 @@ def write_fleet(
     healthy : str, optional
         Decision that is drawn as healthy. Default: healthy or normal.
     only : str, optional
-        The one unit whose page is written. Default: all.
+        The unit whose page is written again, beside those without a page. Default: all.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def write_fleet(
         about = {"name": unit or "unit not stated", "last": readings[-1], "alarms": opened}
         about |= {"link": _file_of(unit), "bars": _bars(readings, names), "count": len(readings)}
         units.append(about)
-        if only is None or only == unit:
+        if only is None or only == unit or not (folder / _file_of(unit)).is_file():
             content = {"unit": about, "records": readings[::-1], "links": links}
             written_page(folder / _file_of(unit), "unit", **content)
     units.sort(key=_urgency)

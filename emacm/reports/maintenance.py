@@ -143,6 +143,7 @@ class Reports:
     def __init__(self, settings: Settings, path: str | os.PathLike[str]) -> None:
         templates()  # a missing jinja2 is stated before hours of work
         self._settings = settings
+        self.healthy = None if settings.healthy is None else str(settings.healthy)
         self._target = target = Path(path)
         self.is_file = target.suffix == ".html" and not target.is_dir()
         if target.suffix == ".pdf" or (target.is_file() and not self.is_file):
