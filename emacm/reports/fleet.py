@@ -75,7 +75,9 @@ def _word(record: Record, healthy: Sequence[str]) -> str:
         return "undecided"
     if record["decision"] in healthy:
         return "healthy"
-    return "unknown" if record["decision"] == "unknown" else "fault"
+    if record["decision"] == "unknown":
+        return "unknown"
+    return "fault" if f"P({record['decision']})" in record else "uncertain"  # such as "inspect"
 
 
 def _bars(readings: Iterable[Record], healthy: Sequence[str]) -> dict[str, str]:
@@ -94,5 +96,5 @@ def _urgency(unit: Mapping[str, Any]) -> tuple[int, int, float]:
     grades = {("raised", "alarm"): 0, ("raised", "warning"): 1}
     grade = min((grades.get((a["state"], a["severity"]), 2) for a in unit["alarms"]), default=3)
     last = unit["last"]
-    words = ("fault", "unknown", "undecided", "healthy")
+    words = ("fault", "unknown", "uncertain", "undecided", "healthy")
     return grade, words.index(last["word"]), -(last["expected_cost"] or 0.0)

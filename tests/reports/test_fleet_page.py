@@ -30,7 +30,7 @@ def history(tmp_path):
 
 def write(history, unit, *decisions, alarms=()):
     for hour, decision in enumerate(decisions):
-        known = {"decision": decision, "expected_cost": 0.5, "P(healthy)": 0.25}
+        known = {"decision": decision, "expected_cost": 0.5, "P(healthy)": 0.25, "P(worn)": 0.7}
         last = hour == len(decisions) - 1
         others = {"end": f"2026-03-01 {hour:02}:00", "alarms": list(alarms) if last else []}
         history.write(record_of(known, unit=unit, recording=f"{unit}{hour}.csv", **others))
@@ -44,15 +44,18 @@ def test_the_most_urgent_units_are_first(history, tmp_path):
     write(history, "healthy", "worn", "healthy")
     write(history, "unknown", "unknown")
     write(history, "worn", "healthy", "worn")
+    write(history, "unsure", "inspect")
     write(history, "failed", None)
     write(history, "known", "worn", alarms=[alarm("known", "acknowledged", by="Ada")])
     write(history, "dead sensor", "healthy", alarms=[alarm("dead sensor", severity="warning")])
     write(history, "raised", "healthy", alarms=[alarm("raised")])
     write(history, "cleared", "healthy", alarms=[alarm("cleared", "cleared")])
     page = write_fleet(tmp_path / "pages", history).read_text()
-    expected = ["raised", "dead sensor", "known", "worn", "unknown", "failed", "cleared", "healthy"]
+    expected = ["raised", "dead sensor", "known", "worn", "unknown", "unsure", "failed", "cleared"]
+    expected += ["healthy"]
     assert [name for _, _, name in rows(page)] == expected
-    words = ["healthy", "healthy", "fault", "fault", "unknown", "undecided", "healthy", "healthy"]
+    words = ["healthy", "healthy", "fault", "fault", "unknown", "uncertain", "undecided", "healthy"]
+    words += ["healthy"]
     assert [word for word, _, _ in rows(page)] == words
     assert page.count("<strong>alarm</strong>") == 2
     assert "acknowledged by Ada, since 2026-03-01 09:00 UTC" in page
