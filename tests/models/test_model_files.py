@@ -292,8 +292,9 @@ def test_a_missing_file_is_an_error(tmp_path):
 
 def test_without_skops_the_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "skops.io", None)
+    model = clone(BAYES).fit(np.arange(6.0)[:, None], ["new", "worn"] * 3)
     with pytest.raises(ImportError, match=r"pip install 'emacm\[models\]'"):
-        save_model(BAYES, tmp_path / "model.emacm")
+        save_model(model, tmp_path / "model.emacm")
 
 
 def with_schema(stored, change):
