@@ -295,7 +295,7 @@ def _report(command: Add) -> None:
     _add_files(add)
     out = "folder of the pages, or one file that ends with .html (default: report)"
     add("--out", type=Path, default=Path("report"), metavar="DIR", help=out)
-    history = "table of earlier results, of emacm score; of a history, also the page of the fleet"
+    history = "table of earlier results, of emacm score, for 'since when' and the page of the fleet"
     add("--history", type=_existing, metavar="FILE", help=history)
     _add_report_options(add)
 
@@ -446,5 +446,6 @@ def _add_report_options(add: Add) -> None:
     actions = "recommended action for each decision: TOML, decision = 'text'"
     add("--actions", type=_existing, metavar="TOML", help=actions)
     _add_parts(add)
-    add("--unit", metavar="KEY", help="key of meta with the unit, for 'since when' in reports")
+    unit = "key of meta with the unit, for the page of the fleet and 'since when' in reports"
+    add("--unit", metavar="KEY", help=unit)
     _add_time(add)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,6 +15,7 @@ from emacm.commands.find import parts_of_options
 from emacm.commands.paths import expanded
 from emacm.files.folder import open_recording
 from emacm.files.layout import Layout
+from emacm.history.records import record_of, times_of
 from emacm.history.sqlite_history import History, is_history
 from emacm.recordings.names import printable
 from emacm.reports import inputs
@@ -36,8 +38,6 @@ def run(options: argparse.Namespace) -> int:
     reports = FileReports(options, layout, options.out)
     history = None if options.history is None else inputs.read_results(options.history)
     last, failed = reports.write(paths, history)
-    if options.history is not None:
-        reports.write_fleet(options.history)
     print(f"{len(paths)} reports: {printable(last)}")
     return 3 if failed else 0
 
@@ -62,13 +62,17 @@ class FileReports:
         self._reports = Reports(read_settings(options.model, actions, parts), out)
         self._layout, self._unit, self._time = layout, options.unit, options.time
         self._out = out
-        known = options.history if options.command == "report" else options.out
-        self._has_fleet = not self._reports.is_file and is_history(known)
+        self._known = options.history if options.command == "report" else options.out
+        self._has_fleet = False
 
     def write(self, paths: Sequence[Path], history: pd.DataFrame | None) -> tuple[Path, bool]:
         """Write the pages of files; return the last one, and whether a decision is missing."""
         pages = self._pages(paths, history)
+        rows = [] if history is None or is_history(self._known) else history.to_dict("records")
+        rows += [{**page.row, "unit": page.unit} for page in pages]
+        self._has_fleet = self._with_fleet(row.get("unit") for row in rows)
         files = self._reports.write(pages, has_fleet=self._has_fleet)
+        self.write_fleet(rows)
         return files[-1], any(page.kind == "error" for page in pages)
 
     def update(self, rows: pd.DataFrame, at_once: int = 8) -> None:
@@ -82,6 +86,7 @@ class FileReports:
         at_once : int
             Number of pages between two writes.
         """
+        self._has_fleet = self._with_fleet(rows.get("unit", ()))
         missing = self._reports.missing(rows["recording"].tolist(), rows["id"].tolist())
         wanted = np.flatnonzero(rows["is_new"].to_numpy() | missing)
         at_once = len(rows) if self._reports.is_file else at_once
@@ -96,12 +101,23 @@ class FileReports:
             before = [Page(name, str(made), "state") for name, made in known]
             self._reports.write(pages, before, has_fleet=self._has_fleet)
 
-    def write_fleet(self, path: Path) -> None:
-        """Write the page of the fleet beside the others, if results are a history."""
-        if self._has_fleet:
-            history = History(path)
-            write_fleet(self._out, history, healthy=self._reports.healthy)
+    def write_fleet(self, rows: Iterable[Mapping[str, Any]] = ()) -> None:
+        """Write the page of the fleet, of a history and of rows that it may not have."""
+        if not self._has_fleet:
+            return
+        records, alarms = [], []
+        if is_history(self._known):
+            history = History(self._known)
+            records, alarms = history.last_records(30), history.alarms(open_only=True)
             history.close()
+        known = {(record["recording"], record["end"]) for record in records}
+        new = [record_of(row) for row in rows]
+        records += [one for one in new if (one["recording"], one["end"]) not in known]
+        write_fleet(self._out, records, alarms, healthy=self._reports.healthy)
+
+    def _with_fleet(self, units: Iterable[Any]) -> bool:
+        """Tell whether there is a page of the fleet: of a history, or if units are known."""
+        return not self._reports.is_file and (is_history(self._known) or any(units))
 
     def _pages(self, paths: Sequence[Path], history: pd.DataFrame | None) -> list[Page]:
         layout, unit = self._layout, self._unit
@@ -112,7 +128,7 @@ class FileReports:
         if history is not None:
             history = inputs.with_units_and_times(history, layout, unit, self._time)
         names = [printable(path) for path in paths]
-        pages = self._reports.pages(sources, names)
+        pages = self._reports.pages(sources, names, partial(times_of, key=self._time))
         if self._time is None:  # without a start, it is the time at which the file was written
             for page, time in zip(pages, times or [], strict=False):
                 page.date = page.date or f"{when(time)} (file time)"

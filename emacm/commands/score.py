@@ -21,9 +21,10 @@ from emacm.commands.paths import expanded
 from emacm.commands.result_tables import HistoryTable, Row, columns_of, lines_of, result_table
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import final_estimator
-from emacm.files.folder import FileRecording, open_recording
+from emacm.files.folder import open_recording
 from emacm.files.layout import Layout
-from emacm.history.records import identity, record_of
+from emacm.history.records import identity, record_of, times_of
+from emacm.history.sqlite_history import is_history
 from emacm.models.model_files import load_model, model_description
 from emacm.models.scoring import check_model, scored_rows
 from emacm.recordings.digests import digest_of_file, model_digest
@@ -107,7 +108,7 @@ class _Work:
             self._table.finish([*rows, *others])
         if self._reports is not None and rows:
             self._reports.update(pd.DataFrame(rows).assign(path=paths, is_new=is_new))
-            self._reports.write_fleet(self._options.out)
+            self._reports.write_fleet(() if is_history(self._options.out) else self._done.values())
         return rows
 
     def _paths(self, settled: float = 2.0) -> Iterator[Path]:
@@ -155,7 +156,7 @@ class _Work:
         """Fill the rows of new files, and write them."""
         sources = [partial(open_recording, path, self._layout) for path, _ in new]
         names = [row["recording"] for _, row in new]
-        with_times = partial(_times, key=self._options.time)
+        with_times = partial(times_of, key=self._options.time)
         scored = scored_rows(self._model, sources, names, self._options.jobs, facts=with_times)
         for (path, row), found in zip(new, scored, strict=True):
             record = record_of(found, unit=self._unit_of(path), id=row["id"], **self._same)
@@ -179,19 +180,6 @@ class _Work:
         if time.monotonic() - self._reported > every:
             self._reported = time.monotonic()
             print(f"{done} of {total} files", file=sys.stderr)
-
-
-def _times(recording: FileRecording, key: str | None) -> Row:
-    """Return when a recording started and ended, and from where this is known."""
-    start: Any = None if key is None else pd.to_datetime(recording.meta.get(key), errors="coerce")
-    times = "stated"
-    if start is None or pd.isna(start):
-        start, times = recording.start, "file"
-    length = pd.Timedelta(seconds=recording.duration)
-    if start is None:
-        written = pd.Timestamp(Path(recording.path).stat().st_mtime, unit="s")
-        start, times = written - length, "modified"
-    return {"start": start, "end": start + length, "times": times}
 
 
 def set_costs(model: Any, cost: Path | None, priors: str | None) -> None:

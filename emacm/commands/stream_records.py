@@ -157,7 +157,8 @@ class StreamRecords:
 
             self._page_written = now
             healthy = None if self._healthy is None else str(self._healthy)
-            write_fleet(self._options.page, history, healthy=healthy, only=self._same["unit"])
+            found = history.last_records(30), history.alarms(open_only=True)
+            write_fleet(self._options.page, *found, healthy=healthy, only=self._same["unit"])
 
     def close(self) -> None:
         """Write the page of the fleet, and close the sinks."""

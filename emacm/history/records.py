@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -123,6 +124,33 @@ def record_of(found: Mapping[str, Any] | Any, **others: Any) -> dict[str, Any]:
     where = ("unit", "recording", "start", "end", "stream_start", "stream_end", "model")
     record["id"] = record["id"] or identity(record[name] for name in where)
     return record
+
+
+def times_of(recording: Any, key: str | None = None) -> dict[str, Any]:
+    """Return start and end of the recording of a file, and from where they are known.
+
+    Parameters
+    ----------
+    recording : FileRecording
+        The recording.
+    key : str, optional
+        Key of meta with the start; a number, such as a cycle, is no date.
+
+    Returns
+    -------
+    dict
+        The fields `start`, `end` and `times` of a record.
+    """
+    stated = recording.meta.get(key)
+    is_number = isinstance(stated, int | float)
+    start, times = (None if is_number else pd.to_datetime(stated, errors="coerce")), "stated"
+    if start is None or pd.isna(start):
+        start, times = recording.start, "file"
+    length = pd.Timedelta(seconds=recording.duration)
+    if start is None:
+        written = pd.Timestamp(Path(recording.path).stat().st_mtime, unit="s")
+        start, times = written - length, "modified"
+    return {"start": start, "end": start + length, "times": times}
 
 
 def _of_reading(reading: Any) -> dict[str, Any]:

@@ -11,27 +11,36 @@ from pathlib import Path
 from typing import Any
 
 from emacm.history.records import identity
-from emacm.history.sqlite_history import History
 from emacm.reports.written_pages import written_page
 
 Record = Mapping[str, Any]
 
 
 def write_fleet(
-    folder: Path, history: History, *, healthy: str | None = None, only: str | None = None
+    folder: Path,
+    records: Iterable[Record],
+    alarms: Sequence[Record] = (),
+    *,
+    healthy: str | None = None,
+    only: str | None = None,
+    most: int = 30,
 ) -> Path:
-    """Write ``fleet.html``, and a page of each unit, from the last readings of a history.
+    """Write ``fleet.html``, and a page of each unit, from its last readings.
 
     Parameters
     ----------
     folder : Path
         Where reports are; a recording that has a page there is linked.
-    history : History
-        Records and alarms.
+    records : iterable of mapping
+        As from `record_of`.
+    alarms : sequence of mapping
+        Open alarms.
     healthy : str, optional
         Decision that is drawn as healthy. Default: healthy or normal.
     only : str, optional
         The unit whose page is written again, beside those without a page. Default: all.
+    most : int
+        Number of readings of each unit that are shown.
 
     Returns
     -------
@@ -40,12 +49,12 @@ def write_fleet(
     """
     folder.mkdir(parents=True, exist_ok=True)
     names = ("healthy", "normal") if healthy is None else (healthy,)
-    alarms = history.alarms(open_only=True)
-    records = sorted(history.last_records(30), key=itemgetter("unit"))
+    by_time = sorted(records, key=lambda record: (record["unit"], record["end"] or ""))
     links = _links(folder / "index.html")
     units = []
-    for unit, own in groupby(records, itemgetter("unit")):
-        readings = [record | {"word": _word(record, names)} for record in own]
+    for unit, own in groupby(by_time, itemgetter("unit")):
+        last = list(own)[-most:]
+        readings = [{**record, "word": _word(record, names)} for record in last]
         opened = [alarm for alarm in alarms if alarm["unit"] == unit]
         about = {"name": unit or "unit not stated", "last": readings[-1], "alarms": opened}
         about |= {"link": _file_of(unit), "bars": _bars(readings, names), "count": len(readings)}

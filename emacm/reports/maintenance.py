@@ -154,10 +154,15 @@ class Reports:
         if not self.is_file:
             target.mkdir(parents=True, exist_ok=True)
 
-    def pages(self, sources: Sequence[Callable[[], Any]], names: Sequence[str]) -> list[Page]:
-        """Return the pages of recordings that functions open."""
+    def pages(
+        self,
+        sources: Sequence[Callable[[], Any]],
+        names: Sequence[str],
+        facts: Callable[[Any], dict[str, Any]] | None = None,
+    ) -> list[Page]:
+        """Return the pages of recordings that functions open, as `page_of` does."""
         pairs = zip(sources, names, strict=True)
-        return [page_of(self._settings, source, name) for source, name in pairs]
+        return [page_of(self._settings, source, name, facts) for source, name in pairs]
 
     def missing(self, names: Sequence[str], digests: Sequence[str]) -> list[bool]:
         """Return for each recording whether a folder has no page of it, of this digest."""

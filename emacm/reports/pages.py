@@ -129,6 +129,8 @@ class Page:
         Of the file and the settings, by which the page is recognised later.
     unit, date : str
         The machine, and when it was recorded ("file time": written); empty if not known.
+    row : mapping
+        What was decided, as a row of `score`.
     """
 
     name: str
@@ -155,6 +157,7 @@ class Page:
     digest: str = ""
     unit: str = ""
     date: str = ""
+    row: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
@@ -180,7 +183,12 @@ class Page:
         return "Outside the range of the training"
 
 
-def page_of(settings: Settings, source: Callable[[], Any], name: str) -> Page:
+def page_of(
+    settings: Settings,
+    source: Callable[[], Any],
+    name: str,
+    facts: Callable[[Any], dict[str, Any]] | None = None,
+) -> Page:
     """Return the page of a recording that a function opens; an error is its content.
 
     Parameters
@@ -191,16 +199,19 @@ def page_of(settings: Settings, source: Callable[[], Any], name: str) -> Page:
         Returns the recording.
     name : str
         Name of the recording.
+    facts : callable, optional
+        Returns further values of the recording for its row.
 
     Returns
     -------
     Page
         Its `since` is empty.
     """
-    (row,) = scored_rows(settings.model, [source], [name])
+    (row,) = scored_rows(settings.model, [source], [name], facts=facts)
     if row["error"]:
         reason = _AS_A_LIST.sub("", row["error"])
         page = Page(name, "no decision", "error", [reason], True, model_facts=settings.facts)
+        page.row = row
         page.recording = [("File", name)]
         return page
     with warnings.catch_warnings():
@@ -208,7 +219,7 @@ def page_of(settings: Settings, source: Callable[[], Any], name: str) -> Page:
         recording = source()
         with collected_statements() as new_lines:
             verdict = verdict_on(settings.model, recording, row, settings.healthy)
-        page = Page(name, str(verdict.decision), verdict.kind, sentences=verdict.sentences)
+        page = Page(name, str(verdict.decision), verdict.kind, sentences=verdict.sentences, row=row)
         if settings.healthy is None and page.kind == "fault":
             page.kind = "state"
         page.recording, page.model_facts = recording_facts(recording, name), settings.facts

@@ -84,7 +84,10 @@ def test_a_folder_of_files_gives_pages_and_an_index(here, capsys):
     assert "Replace the bearing." in html
     assert "<td>outer race</td>" in html
     assert "New: the recording before, of this unit, was &#39;healthy&#39; (day 1)." in html
-    assert Path("report/index.html").read_text(encoding="utf-8").count("<a href=") == 3
+    index = Path("report/index.html").read_text(encoding="utf-8")
+    assert (index.count("<a href="), index.count('<a href="./fleet.html">')) == (4, 1)
+    fleet = Path("report/fleet.html").read_text(encoding="utf-8")
+    assert re.search(r"\.html\">A</a></td>.*?worn", fleet, re.DOTALL)
 
 
 def test_earlier_results_state_since_when(here):
@@ -117,7 +120,9 @@ def test_score_writes_reports_of_new_files_and_lists_all(here):
     options = ("--out", "table.csv", "--report", "pages", *REPORT)
     assert run("score", *options) == 0
     pages = sorted(path.name for path in Path("pages").glob("*.html"))
-    assert pages == ["A_healthy_0.html", "A_healthy_1.html", "A_worn_2.html", "index.html"]
+    expected = ["A_healthy_0", "A_healthy_1", "A_worn_2", "fleet", "index"]
+    assert [page.removesuffix(".html") for page in pages[:-1]] == expected
+    assert pages[-1].startswith("unit_A_")
     written = {path: path.stat().st_mtime_ns for path in Path("pages").glob("A_*")}
     write(Path("new/A_worn_3.npz"), True, 77)
     Path("pages/A_healthy_0.html").unlink()  # as after an interruption
@@ -129,7 +134,9 @@ def test_score_writes_reports_of_new_files_and_lists_all(here):
     html = Path("pages/A_worn_3.html").read_text(encoding="utf-8")
     assert "Since day 2, in 2 recordings in a row" in html
     index = Path("pages/index.html").read_text(encoding="utf-8")
-    assert (index.count("<a href="), index.count("Replace the bearing.")) == (4, 2)
+    assert (index.count("<a href="), index.count("Replace the bearing.")) == (5, 2)
+    (unit,) = Path("pages").glob("unit_A_*.html")
+    assert unit.read_text(encoding="utf-8").count('<a href="./A_') == 4
 
 
 def test_without_a_key_the_time_is_that_of_the_file(here):
