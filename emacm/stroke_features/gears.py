@@ -518,8 +518,8 @@ def phase_modulation(average: Array, teeth: int, *, certainty: float = 5.0) -> f
     teeth : int
         Teeth of the gear.
     certainty : float
-        Number of standard errors, from the power of the difference signal, below which there is
-        none.
+        Number of standard errors, from the power of the second to fifth sidebands of each harmonic,
+        below which there is none.
 
     Returns
     -------
@@ -540,9 +540,12 @@ def phase_modulation(average: Array, teeth: int, *, certainty: float = 5.0) -> f
     # cos(x + b sin(y)) has the sidebands +b/2 and -b/2; (1 + m cos(y)) cos(x) has m/2 and m/2.
     odd = spectrum[mesh + 1] * np.conj(centre) - np.conj(spectrum[mesh - 1]) * centre
     information = np.sum(np.abs(orders * centre) ** 2)
-    background = len(average) * np.var(residual_signal(average, teeth, sidebands=1))
-    modulation = np.abs(np.sum(odd * orders)) / _positive(information)
-    return float(modulation * (modulation**2 * information > 2 * certainty**2 * background))
+    apart = np.arange(2, 1 + min(5, teeth // 2))
+    near = mesh[:, np.newaxis] + np.concatenate([-apart, apart])
+    background = np.mean(np.abs(spectrum[np.minimum(near, len(spectrum) - 1)]) ** 2, axis=1)
+    error = 2 * np.sum(background * np.abs(orders * centre) ** 2)
+    found = np.abs(np.sum(odd * orders))
+    return float(found / _positive(information) * (found > certainty * np.sqrt(error)))
 
 
 def _amplitudes(average: Array) -> Array:
