@@ -364,10 +364,10 @@ def test_pages_that_were_written_before_a_kill_are_kept(scored, monkeypatch):
     measure(*map("{}.csv".format, range(10, 19)))
     pages, original = Path("../pages"), maintenance.page_of
 
-    def killed(settings, source, name):
+    def killed(settings, source, name, *others):
         if name == "18.csv":
             raise KeyboardInterrupt
-        return original(settings, source, name)
+        return original(settings, source, name, *others)
 
     monkeypatch.setattr(maintenance, "page_of", killed)
     status, _, batches = scored(".", "--out", "rows.csv", "--report", pages)

@@ -132,7 +132,9 @@ def test_all_blocks_run_on_the_files_of_the_example(tmp_path, monkeypatch, capsy
     assert (decided["decision"] == state).mean() > 0.8
     latest = pd.read_csv("trend.csv").groupby("unit").tail(1)
     assert latest["alarm"].all()  # both units end with a fault
-    assert len([*Path("report").glob("*.html")]) == len(decided) + 1
+    pages = {path.name for path in Path("report").glob("*.html")}
+    assert {"index.html", "fleet.html"} < pages
+    assert len(pages) == len(decided) + decided["unit"].nunique() + 2
 
 
 def test_there_are_two_commands_and_they_install_before_they_run():
