@@ -159,6 +159,7 @@ def test_a_baseline_that_runs_in_or_wanders_is_stated(kind, reason):
         HealthIndex().fit(X, groups=range(20))
 
 
+@pytest.mark.slow
 def test_rows_of_fit_are_no_baseline_of_a_chart():
     rng, alarmed = np.random.default_rng(12), []
     for _ in range(20):

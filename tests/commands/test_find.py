@@ -115,6 +115,7 @@ def fleet(folder):
     return folder
 
 
+@pytest.mark.slow
 def test_the_trend_follows_the_lines_of_the_bearing(fleet, monkeypatch):
     monkeypatch.chdir(fleet)
     (fleet / "well").mkdir()
@@ -126,6 +127,7 @@ def test_the_trend_follows_the_lines_of_the_bearing(fleet, monkeypatch):
     assert pd.read_csv("trend.csv")["alarm"].all()
 
 
+@pytest.mark.slow
 def test_a_classifier_is_trained_on_the_lines_of_the_bearing(fleet, monkeypatch, capsys):
     pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
     monkeypatch.chdir(fleet)

@@ -328,6 +328,7 @@ def test_the_schema_is_printed(capsys):
     assert json.loads(capsys.readouterr().out) == SCHEMA
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [("1", "s"), ("15", "revolutions")])
 def test_the_signals_before_an_alarm_are_decided_on_again_bit_for_bit(here, capsys, every):
     rows = [*rows_of(False, 40), *rows_of(True, 41)]

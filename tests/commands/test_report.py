@@ -77,6 +77,7 @@ def run(command, *arguments, paths=("new",)):
 REPORT = ("--actions", "actions.toml", "--parts", "parts.toml", "--unit", "unit", "--time", "day")
 
 
+@pytest.mark.slow
 def test_a_folder_of_files_gives_pages_and_an_index(here, capsys):
     assert run("report", *REPORT) == 0
     assert capsys.readouterr().out == f"3 reports: {Path('report/index.html')}\n"
@@ -116,6 +117,7 @@ def test_a_history_gives_the_page_of_the_fleet_with_links_to_recordings(here):
         assert all((folder / link).is_file() for link in links)
 
 
+@pytest.mark.slow
 def test_score_writes_reports_of_new_files_and_lists_all(here):
     options = ("--out", "table.csv", "--report", "pages", *REPORT)
     assert run("score", *options) == 0
@@ -139,6 +141,7 @@ def test_score_writes_reports_of_new_files_and_lists_all(here):
     assert unit.read_text(encoding="utf-8").count('<a href="./A_') == 4
 
 
+@pytest.mark.slow
 def test_without_a_key_the_time_is_that_of_the_file(here):
     for number, path in enumerate(sorted(Path("new").iterdir())):
         os.utime(path, (1.7e9 + 86400 * number, 1.7e9 + 86400 * number))

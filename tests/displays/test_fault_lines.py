@@ -20,6 +20,7 @@ def struck(order=3.05, rate=31.0, seconds=4):
     return Recording({"foot": signal, "casing": signal[::-1]}, FS, velocity=2 * np.pi * rate)
 
 
+@pytest.mark.slow
 def test_the_frame_holds_the_lines_that_find_faults_tells():
     run = struck()
     display = FaultLinesDisplay.from_recording(run, BEARING)

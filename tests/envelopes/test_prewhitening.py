@@ -159,6 +159,7 @@ def test_the_chosen_channels_alone_are_whitened():
     assert dict(white.units) == {"sound": "1"}
 
 
+@pytest.mark.slow
 def test_a_long_recording_is_never_held_as_a_whole():
     n_times = 3_000_000
     sound = noise(n_times).astype(np.float32)

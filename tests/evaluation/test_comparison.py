@@ -152,6 +152,7 @@ def test_the_second_scheme_that_all_have_scored_is_compared_or_the_only_one():
         compare([some, only])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, None])
 def test_draws_of_differences_have_the_seed_number_and_confidence_of_the_reference(seed):
     X, y, runs = sensors()

@@ -483,6 +483,7 @@ def test_a_classifier_with_an_unknown_state_leaves_out_units_of_the_training_dat
     assert result.table.loc["by unit", "false_alarm_rate"] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("given", "expected"), [("both", "unit"), ("runs", "run")])
 def test_a_classifier_for_new_units_learns_from_units_and_others_from_runs(given, expected):
     rng = np.random.default_rng(5)
@@ -514,6 +515,7 @@ def test_a_classifier_for_new_units_learns_from_units_and_others_from_runs(given
     assert set(seen) == {"run"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("in_pipeline", [False, True])
 def test_a_classifier_inside_another_decision_rule_learns_from_the_units(in_pipeline):
     rng = np.random.default_rng(6)

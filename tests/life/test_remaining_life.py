@@ -216,6 +216,7 @@ def test_intervals_narrow_as_damage_grows():
     assert last < 0.5 * middle < 0.5 * first
 
 
+@pytest.mark.slow
 def test_an_index_that_says_nothing_gives_intervals_that_are_stated_to_be_too_wide():
     X, y, groups, _ = followed(range(30))
     noise = X.copy()

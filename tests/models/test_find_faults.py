@@ -115,6 +115,7 @@ def test_without_a_threshold_the_highest_score_is_named():
     assert found["named"] == found[["BPFO", "BPFI", "BSF"]].astype(float).idxmax()
 
 
+@pytest.mark.slow
 def test_a_healthy_machine_with_lines_of_its_own_raises_the_threshold():
     run = running("BPFO", strength=0.5)
     own = [running("BPFO", strength=0.5, seed=seed) for seed in (5, 6)]

@@ -86,6 +86,7 @@ def test_pages_refer_to_the_healthy_state_that_is_stored_with_the_model(tmp_path
     assert (found.decision, found.kind, found.reference) == ("aussenring", "fault", "gut")
 
 
+@pytest.mark.slow
 def test_lines_in_the_envelope_are_stated_whatever_the_model_decides():
     rng, turns = np.random.default_rng(0), 3.57 * 30 * np.arange(60_000) / 12_000
     turns += 0.001 * np.cumsum(rng.normal(size=len(turns)))

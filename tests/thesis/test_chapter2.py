@@ -19,6 +19,7 @@ def findings(chapter):
     return {finding.where: finding for finding in chapter.findings}
 
 
+@pytest.mark.slow
 def test_all_agrees_but_the_order_step_and_the_width_of_the_smeared_spectrum(findings):
     assert len(findings) == 21
     assert [where for where, f in findings.items() if not f.agrees_by_range] == [
