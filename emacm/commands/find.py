@@ -82,6 +82,12 @@ def layout_of_options(options: argparse.Namespace, path: Path) -> Layout:
     if options.layout is not None:
         return Layout.from_toml(options.layout)
     contents = contents_of(path)
+    if not contents.channels:
+        raise ValueError(
+            f"{printable(path)} has no channel besides times and shaft. If it holds the speed "
+            f"of other files, select those by --pattern such as '*_vib.csv', and name it in a "
+            f"layout: velocity = {{file = ..., column = ...}}."
+        )
     drafted = tomllib.loads(draft_layout(contents, path))
     remarks = contents.remarks
     if options.speed is not None:

@@ -351,7 +351,10 @@ def draft_layout(contents: Contents, path: Path, meta: str | None = None) -> str
     lines.append(f"channels = [{', '.join(map(_text, contents.channels))}]")
     lines += [f"# {_text(name)} is not used: {why}" for name, why in contents.unused.items()]
     if contents.shaft is None:
-        lines.append('# velocity = "1797 rpm"  # FILL IN: a constant speed, or a column')
+        lines.append(
+            '# velocity = "1797 rpm"  # FILL IN: a constant speed, or a column, or one of a file'
+        )
+        lines.append('# beside it: velocity = {file = "{stem}_speed.csv", column = "rpm"}')
     elif contents.n_pulses:
         reason = f"{contents.n_pulses} pulses are in this column"
         column = f"{{column = {_text(contents.shaft)}, pulses_per_rev = 1}}"

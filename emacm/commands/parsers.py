@@ -321,8 +321,8 @@ def _trend(command: Add) -> None:
     _add_parts(add)
     _add_time(add)
     rate = (
-        "probability that a healthy recording exceeds the limit (default: 0.05); if n healthy "
-        "groups are too few for it, 1 / (n + 1)"
+        "probability that a healthy recording exceeds the limit (default: 0.05); if the healthy "
+        "groups are too few for it, the logarithm of the index is taken to be normal"
     )
     add("--false-alarm", type=_probability, default=0.05, metavar="P", help=rate)
     add("--out", type=_writable, metavar="CSV", help="table (default: standard output)")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Mapping
 from contextlib import nullcontext
-from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -42,17 +42,18 @@ def run(options: argparse.Namespace) -> int:
     """
     layout = Layout.from_toml(options.layout)
     found = _from_files if options.results is None else _from_results
-    table = found(options, layout)
+    table, n_groups = found(options, layout)
     with nullcontext(sys.stdout) if options.out is None else written_whole(options.out) as out:
         table.map(as_cell).to_csv(out, index=False)
     if options.plot is not None:
         from emacm.displays.monitoring import TrendDisplay  # matplotlib is needed only here
 
-        display = TrendDisplay(table, time_label=options.time or "time").plot()
+        shown = _most_urgent(table)
+        display = TrendDisplay(shown, time_label=options.time or "time").plot()
         with written_whole(options.plot) as unfinished:
             display.figure_.savefig(unfinished, dpi=150, format=options.plot.suffix[1:] or "png")
     latest = table[table["error"] == ""].groupby("unit", sort=True).tail(1)
-    meanings = _meanings(latest, options)
+    meanings = _meanings(latest, n_groups)
     print(*meanings, sep="\n", file=sys.stderr if options.out is None else sys.stdout)
     if options.out is not None:
         for row in latest.rename(columns={"index": "value"}).itertuples():
@@ -64,24 +65,35 @@ def run(options: argparse.Namespace) -> int:
     return FAILED if (table["error"] != "").any() else 0
 
 
-def _meanings(latest: pd.DataFrame, options: argparse.Namespace) -> list[str]:
+def _most_urgent(table: pd.DataFrame, most: int = 8) -> pd.DataFrame:
+    """Return the rows of the units whose latest index is highest, as many as a picture shows."""
+    latest = table[table["index"].notna()].groupby("unit").tail(1)
+    units = (latest["index"] / latest["limit"]).set_axis(latest["unit"]).nlargest(most).index
+    if len(units) < len(latest):
+        print(f"The picture shows the {most} units with the highest latest index.", file=sys.stderr)
+    return table[table["unit"].isin(units)]
+
+
+def _meanings(latest: pd.DataFrame, n_groups: Mapping[str, int]) -> list[str]:
     """Say what the limits mean: of each baseline, how often a healthy recording exceeds them."""
     found = []
     for (baseline, limit, rate), _ in latest.groupby(["baseline", "limit", "false_alarm"]):
         text = f"Limit {limit:.2f} ({baseline}): {rate:.1%} of healthy recordings exceed it"
-        if rate > options.false_alarm:
-            count, needed = round(1 / rate) - 1, groups_needed(1 - options.false_alarm)
+        needed = groups_needed(1 - rate)
+        if baseline in n_groups and n_groups[baseline] < needed:
             text += (
-                f" on average, 1 / (n + 1); it is the largest reading of n = {count} healthy "
-                f"groups, each left out in turn. {options.false_alarm:.1%} (--false-alarm) need "
-                f"{needed} groups"
+                f", if the logarithm of the index is normal: {n_groups[baseline]} healthy groups "
+                f"cannot show this rate, {needed} are needed"
             )
         found.append(f"{text}.")
     return found
 
 
-def _from_files(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
-    """Return the distances of files from healthy ones."""
+Found: TypeAlias = tuple[pd.DataFrame, dict[str, int]]
+
+
+def _from_files(options: argparse.Namespace, layout: Layout) -> Found:
+    """Return the distances of files from healthy ones, and how many groups each limit is from."""
     if options.healthy is None or not options.paths or options.groups is None:
         raise ValueError(
             "trend needs a folder of HEALTHY files, PATHs of others and --groups; or --results, a "
@@ -102,20 +114,26 @@ def _from_files(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
         )
     else:
         features = make_pipeline(*order_levels(max_order, revolutions, speed))
-    index = HealthIndex(options.false_alarm, few_groups="largest")
+    index = HealthIndex(options.false_alarm, few_groups="log-normal")
     model = make_pipeline(*(step for _, step in features.steps), index)
     model.fit(healthy, healthindex__groups=groups, healthindex__units=units)
     recordings = [open_recording(path, layout) for path in paths]
     table = health_trend(model, recordings, unit=new_units, time=times)
-    of_class = partial(vibration_indicators, machine_class=options.machine)
-    rows = [
-        {} if row.error else of_class(open_recording(row.recording, layout), min_speed=speed)
-        for row in table.itertuples()
-    ]
-    return table.join(pd.DataFrame(rows, index=table.index))
+    rows: list[dict[str, Any]] = []
+    for row in table.itertuples():
+        rows.append({})
+        if not row.error:
+            recording = open_recording(row.recording, layout)
+            rows[-1] = vibration_indicators(recording, options.machine, min_speed=speed)
+            if options.bearing or options.parts:
+                lines = model[:-1].transform([recording])[0]
+                names = model[:-1].get_feature_names_out()
+                rows[-1] |= {f"{name} [dB]": x for name, x in zip(names, lines, strict=True)}
+    n_groups = index.left_out_.groupby("baseline")["group"].nunique().to_dict()
+    return table.join(pd.DataFrame(rows, index=table.index)), n_groups
 
 
-def _from_results(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
+def _from_results(options: argparse.Namespace, layout: Layout) -> Found:
     """Return the trend of typicality and P(healthy) in a table of `score`; nothing is computed."""
     if any(x is not None for x in (options.healthy, options.groups, options.machine)):
         raise ValueError(
@@ -143,4 +161,4 @@ def _from_results(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
             "error": error,
         }
     )
-    return table.sort_values(["unit", "time"], kind="stable", ignore_index=True)
+    return table.sort_values(["unit", "time"], kind="stable", ignore_index=True), {}

@@ -498,6 +498,7 @@ def _shaft_unit(content: FileColumns, layout: Layout, column: str, kind: str) ->
         usual = "rpm" if kind == "velocity" else "deg"
         raise ValueError(
             f"the unit of {column!r} is not stated, and its name suggests another one than "
-            f"{default}. Set units = ['{column} [{usual}]'], or what it is in."
+            f"{default}. State it in the layout, under [units]: {column!r} = '{usual}', or what it "
+            f"is in."
         )
     return stated or known or default

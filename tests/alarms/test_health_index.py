@@ -126,10 +126,24 @@ def test_a_limit_that_the_groups_cannot_support_is_refused(n_groups, supported):
     with pytest.raises(ValueError, match=r"possible from 0\.053 on"):
         index.trend(X[:2], [1, 2])
     assert index.set_params(false_alarm=0.053).limit() > 0
-    few = index.set_params(false_alarm=0.01, few_groups="largest")
-    assert few.limit() == few.left_out_["index"].max()
-    assert set(few.trend(X[:2] + 1, [1, 2])["false_alarm"]) == {1 / 19}
     assert np.isnan(index.set_params(false_alarm=None).limit())
+
+
+def test_a_limit_from_few_groups_is_a_prediction_limit_of_their_largest_readings():
+    exceeded = []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        X = rng.normal(size=(106, 4)) + np.repeat(rng.normal(size=(53, 4)), 2, axis=0)
+        groups = np.arange(12) // 2
+        index = HealthIndex(0.2, few_groups="log-normal").fit(X[:6], groups=groups[:6])
+        exceeded.append(index.transform(X[12:])[:, 0] > index.limit())
+    largest = np.log(index.left_out_.groupby("group")["index"].max())
+    t_of_2_degrees = 1.0607  # 0.8 quantile, from tables
+    expected = largest.mean() + t_of_2_degrees * largest.std() * np.sqrt(4 / 3)
+    assert np.log(index.limit()) == pytest.approx(expected, rel=1e-4)
+    assert 0.01 < np.mean(exceeded) < 0.2
+    with pytest.raises(ValueError, match="at least 4"):
+        HealthIndex(0.2).fit(X[:6], groups=groups[:6]).limit()
 
 
 def test_few_units_refuse_a_limit_for_the_population_but_not_for_a_known_unit():

@@ -142,7 +142,7 @@ def test_a_shaft_of_its_own_rate(tmp_path):
         (
             Layout(fs=9, angle="deg"),
             {"deg": ANGLE},
-            r"suggests another one than rad\. Set units = \['deg \[deg\]'\]",
+            r"suggests another one than rad\. State it .*, under \[units\]: 'deg' = 'deg'",
         ),
         (Layout(fs=9, velocity="3 knots"), {}, "known are 'rad/s', 'rpm', 'rev/s', 'deg/s'"),
         (Layout(fs=9, velocity="n", units={"n": "knots"}), {"n": ANGLE}, "unit 'knots' of the vel"),
