@@ -6,6 +6,7 @@
   of further healthy recordings, and share of the baselines with a warning. "level": 24 bands with a
   common level. Charts (`CUSUM` 0.5, limit 5): false alarms within 200 healthy readings if
   the baseline is the index of the rows of the fit, and of `left_out_`.
+- The same limit from 3 to 18 groups (``few_groups="log-normal"``).
 - PRONOSTIA (if --pronostia gives its folder): `HealthIndex(0.05)` of levels of 12 bands and the
   whole of both directions; 20 records 100 s apart are the baseline. Settings were chosen on every
   second bearing (development), the others are the check.
@@ -89,6 +90,27 @@ def indices(n_trials: int) -> Iterator[dict[str, Any]]:
             kind = "level" if n_features == 24 else "independent"
             row = {"groups": n, "features": f"{n_features} {kind}", "correlation": rho}
             yield row | {"alarm rate": f"{rate:.3f}", "warned": f"{share:.2f}"}
+
+
+def few_groups(n_trials: int) -> Iterator[dict[str, Any]]:
+    """Yield alarm rates of a `HealthIndex` of 5 % whose limit is extrapolated from few groups."""
+    for n_groups in (3, 5, 8, 12, 18):
+        for n_features in (3, 12, 30):
+            rng = np.random.default_rng(n_groups)
+            draws = {"normal": rng.normal, "t": lambda size, rng=rng: rng.standard_t(4, size)}
+            row: dict[str, Any] = {"groups of 3": n_groups, "features": n_features}
+            for kind, draw in draws.items():
+                for between in (0, 1, 3):
+                    found = []
+                    for _ in range(n_trials):
+                        groups = np.arange(3 * (n_groups + 100)) // 3
+                        X = between * draw(size=(n_groups + 100, n_features))[groups]
+                        X, n = X + draw(size=X.shape), 3 * n_groups
+                        index = HealthIndex(0.05, few_groups="log-normal")
+                        warned(lambda i=index, x=X[:n], g=groups[:n]: i.fit(x, groups=g))
+                        found.append(np.mean(index.transform(X[n:])[:, 0] > index.limit()))
+                    row[f"{kind}, groups differ by {between}"] = f"{np.mean(found):.3f}"
+            yield row
 
 
 def charts(n_trials: int) -> Iterator[dict[str, Any]]:
@@ -215,6 +237,7 @@ def main() -> None:
     parts = [
         ("Share of series in which a trend is found", trends, 1000),
         ("HealthIndex, limit of 5 %", indices, 100),
+        ("HealthIndex, alarm rate at a limit of 5 % from few groups", few_groups, 60),
         ("Charts on a health index", charts, 100),
         ("Units shifted from the training", shifted_units, 16),
         ("Gears with an error of the angle", modulated_gears, 10),

@@ -303,7 +303,8 @@ def _report(command: Add) -> None:
 def _trend(command: Add) -> None:
     add = command(
         "trend",
-        "distance of the files of each unit from healthy ones over time, with a limit",
+        "distance of the files of each unit from healthy ones over time, with a limit: of levels "
+        "of the lines of --bearing or --parts, else of powers in order bins of signal and envelope",
         "0; 1 if --fail-on-alarm is given and the latest recording of a unit exceeds its limit; 2 "
         "for invalid arguments or a single healthy group; 3 if files failed.",
     )

@@ -10,7 +10,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
-from sklearn.pipeline import make_pipeline
+from sklearn.base import clone
+from sklearn.pipeline import FeatureUnion, make_pipeline
 
 from emacm._checks import check_number, located
 from emacm._saved import written_whole
@@ -20,6 +21,7 @@ from emacm.calibration.left_out import groups_needed
 from emacm.commands.find import parts_of_options
 from emacm.commands.paths import expanded
 from emacm.commands.train import extent, order_levels
+from emacm.envelopes.envelope_detector import EnvelopeDetector
 from emacm.files.folder import RecordingFolder, open_recording
 from emacm.files.layout import Layout
 from emacm.models.recipes import bearing_recipe
@@ -113,7 +115,11 @@ def _from_files(options: argparse.Namespace, layout: Layout) -> Found:
             parts_of_options(options), revolutions=revolutions, min_speed=speed
         )
     else:
-        features = make_pipeline(*order_levels(max_order, revolutions, speed))
+        levels = order_levels(max_order, revolutions, speed)
+        envelope = make_pipeline(EnvelopeDetector("full", squared=False), *map(clone, levels))
+        features = make_pipeline(
+            FeatureUnion([("signal", make_pipeline(*levels)), ("envelope", envelope)])
+        )
     index = HealthIndex(options.false_alarm, few_groups="log-normal")
     model = make_pipeline(*(step for _, step in features.steps), index)
     model.fit(healthy, healthindex__groups=groups, healthindex__units=units)

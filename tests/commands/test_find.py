@@ -116,15 +116,30 @@ def fleet(folder):
 
 
 @pytest.mark.slow
-def test_the_trend_follows_the_lines_of_the_bearing(fleet, monkeypatch):
+@pytest.mark.parametrize("bearing", [["--bearing", "6205"], []])
+def test_the_trend_sees_rings_with_and_without_a_known_bearing(fleet, monkeypatch, bearing):
     monkeypatch.chdir(fleet)
-    (fleet / "well").mkdir()
+    (fleet / "well").mkdir(exist_ok=True)
     for path in (fleet / "known").glob("*healthy*"):
         (fleet / "well" / path.name).write_bytes(path.read_bytes())
     rate = ["--false-alarm", "0.2", "--fail-on-alarm", "--out", "trend.csv"]
     layout = ["--layout", "layout.toml", "--groups", "unit", "--unit", "unit"]
-    assert main(["trend", "well", "fleet", *layout, *rate, "--bearing", "6205"]) == 1
-    assert pd.read_csv("trend.csv")["alarm"].all()
+    assert main(["trend", "well", "fleet", *layout, *rate, *bearing]) == 1
+    table = pd.read_csv("trend.csv")
+    assert table["alarm"].all()
+    levels = {"BPFO": "outer", "BPFI": "inner"} if bearing else {}
+    for line, state in levels.items():
+        is_faulty = table["recording"].str.contains(state)
+        level = table[f"vibration@{line} [dB]"]
+        assert level[is_faulty].min() > level[~is_faulty].max() + 6
+
+
+def test_a_file_of_speeds_alone_is_named(here, capsys):
+    pd.DataFrame(pump("outer", 5)[:, [0, 2]], columns=["time", "speed_rpm"]).to_csv(
+        "a.csv", index=False
+    )
+    assert main(["find", "a.csv", "--bearing", "6205"]) == 2
+    assert "select those by --pattern" in capsys.readouterr().err
 
 
 @pytest.mark.slow
