@@ -206,8 +206,9 @@ class GroupBootstrap:
         dict
             "accuracy", "accuracy_low", "accuracy_high" and so on. The limits are NaN if fewer
             than two groups contain counted recordings, or if more than nine in ten draws miss
-            one of the cells. If all values are equal, the interval has zero width; this does not
-            prove certainty.
+            one of the cells. Draws do not show how far a rate of 0 or 1 (of boolean values) may be
+            from it: its limit is the exact binomial one (Clopper and Pearson), of as many groups as
+            the cell with the fewest. Other figures of equal values have an interval of zero width.
         """
         row: dict[str, float] = {}
         for name, drawn in self.draws(tallies, groups).items():
@@ -216,6 +217,13 @@ class GroupBootstrap:
             row |= self.interval(
                 name, drawn, tally.figure(), n_groups, bounds=tally.bounds(), is_gap=is_gap
             )
+            if np.asarray(tally.values).dtype == bool and np.isfinite(row[f"{name}_low"]):
+                fewest = (tally.by_group(np.unique(groups, return_inverse=True)[1])[1] > 0).sum(0)
+                reach = 1 - ((1 - self.confidence) / 2) ** (1 / fewest.min())
+                if row[name] == 0:
+                    row[f"{name}_high"] = reach
+                elif row[name] == 1:
+                    row[f"{name}_low"] = 1 - reach
         return row
 
     def interval(

@@ -140,8 +140,8 @@ def _table_caveats(table: pd.DataFrame, few_groups: int) -> list[tuple[pd.Series
         ),
         (
             table["accuracy"].isin([0, 1]),
-            "All decisions are correct, or all are wrong, in {}. Zero-width intervals: all "
-            "resamples agree; this does not prove certainty.",
+            "All decisions are correct, or all are wrong, in {}: the intervals of costs then have "
+            "no width, which does not prove certainty.",
         ),
         (
             (table["groups"] > 1) & low.isna(),

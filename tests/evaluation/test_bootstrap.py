@@ -169,3 +169,14 @@ def test_the_interval_of_a_gap_is_around_it_and_not_around_its_draws():
     cancelling = rate([0.4, -0.4, 0.3, -0.3], combine=gap_of_cells)
     low, high = limits(cancelling, np.arange(4))
     assert (low, high) == (0, pytest.approx(0.3, abs=0.1))  # never negative
+
+
+def test_a_rate_without_any_event_has_the_exact_binomial_limit_of_its_groups():
+    cells, groups = np.repeat([0, 1], [20, 60]), np.repeat(np.arange(16), 5)  # 4 and 12 groups
+    none = np.zeros(80, bool)
+    rates = {"all": Tally(none, np.zeros(80, int)), "each": Tally(~none, cells)}
+    found = GroupBootstrap().figures(rates, groups)
+    assert (found["all_low"], round(found["all_high"], 4)) == (0, 0.2059)  # tables: 0 of 16
+    assert (round(found["each_low"], 4), found["each_high"]) == (0.3976, 1)  # 0 of 4
+    costs = GroupBootstrap().figures({"cost": Tally(0.0 * none, np.zeros(80, int))}, groups)
+    assert costs["cost_high"] == 0
