@@ -51,7 +51,6 @@ def train(*options):
     return main(["train", *required, "--out", "model.emacm", *options])
 
 
-@pytest.mark.slow
 def test_files_in_three_formats_become_a_table_of_decisions(here, capsys):
     assert main(["inspect", "files/U0_worn_1.npz"]) == 0
     assert train("--max-order", "10", "--note", "five units") == 0
