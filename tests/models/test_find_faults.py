@@ -15,6 +15,7 @@ from emacm import (
     bearing_recipe,
     find_faults,
 )
+from emacm.models.find_faults import healthy_scores
 
 FS = 12_000
 BEARING = Bearing(9, 7.94, 39.04)  # 6205
@@ -234,6 +235,26 @@ def test_a_damaged_ring_of_the_cwru_rig_has_no_damaged_ball(name):
         run = Recording({"casing": stored[name].ravel()}, 12_000, velocity=TURN * int(speed) / 60)
     bearing = Bearing(8, 6.746, 28.499) if end == "FE" else Bearing(9, 7.94, 39.04)
     assert find_faults([run], bearing)["named"][0] == {"IR": "BPFI"}.get(kind, "BPFO")
+
+
+def test_scores_of_healthy_recordings_stand_for_them_and_the_table_shows_itself():
+    healthy = [running(seed=seed) for seed in (1, 2)]
+    runs = [running("BPFO"), running(seed=5)]
+    by_recordings = find_faults(runs, BEARING, healthy=healthy)
+    by_scores = find_faults(runs, BEARING, healthy=healthy_scores(healthy, BEARING))
+    pd.testing.assert_frame_equal(by_scores, by_recordings)
+    assert by_scores["named"].tolist() == ["BPFO", "none"]
+    assert "outer ring</td>" in by_scores._repr_html_()
+
+
+def test_a_line_without_harmonics_is_a_modulation():
+    t = np.arange(5 * FS) / FS
+    noise = np.random.default_rng(3).normal(size=len(t))
+    modulated = noise * (1 + 0.5 * np.sin(TURN * ORDERS["BPFI"] * 30 * t))
+    run = Recording({"casing": modulated}, FS, velocity=TURN * 30)
+    found = find_faults([run], BEARING).iloc[0]
+    assert found["named"] == "none"
+    assert "a single line is a modulation" in found["explanation"]
 
 
 def test_healthy_recordings_of_another_sampling_rate_are_refused():

@@ -271,6 +271,13 @@ def test_foreign_types_are_refused_by_name(tmp_path, step, message):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_missing_folder_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match="no folder"):
+        save_model(
+            clone(BAYES).fit(RNG.normal(size=(24, 3)), STATES), tmp_path / "later" / "model.emacm"
+        )
+
+
 @pytest.mark.parametrize(("model", "note"), [(BAYES, 3), (3, None), (StandardScaler, None)])
 def test_what_is_no_model_is_refused(tmp_path, model, note):
     with pytest.raises(TypeError, match="must be"):

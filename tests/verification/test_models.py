@@ -37,7 +37,6 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.slow
 def test_the_evidence_is_computed_again_and_a_changed_file_is_found(here, capsys):
     assert main(["verify", "model.emacm", *AGAIN]) == 0
     assert "NO\n" not in capsys.readouterr().out
@@ -54,7 +53,6 @@ def test_the_evidence_is_computed_again_and_a_changed_file_is_found(here, capsys
     assert rows["units of healthy"]["passed"]
 
 
-@pytest.mark.slow
 def test_the_card_states_what_the_model_is_for_and_how_it_decided(here, capsys):
     card = describe_model("model.emacm")
     folder = RecordingFolder("files", Layout.from_toml("layout.toml"))
@@ -75,7 +73,6 @@ def test_the_card_states_what_the_model_is_for_and_how_it_decided(here, capsys):
     assert '"limits": "not in start-up"' in text
 
 
-@pytest.mark.slow
 def test_a_model_without_evidence_has_a_card_and_cannot_be_verified(here, capsys):
     save_model(load_model("model.emacm"), "plain.emacm")
     assert "none stored" in str(describe_model("plain.emacm"))
