@@ -225,6 +225,7 @@ def test_the_rings_of_the_mfpt_rig_are_named_and_its_healthy_bearings_are_not():
     assert found["named"].tolist() == [kinds[name[0]] for name in names]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["1772_IR_14_DE12", "1797_IR_7_DE12", "1750_OR@3_14_FE"])
 def test_a_damaged_ring_of_the_cwru_rig_has_no_damaged_ball(name):
     file = DATA / "bearings" / "cwru_faults_12k.npz"

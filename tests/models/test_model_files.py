@@ -148,6 +148,7 @@ def saved(fitted, tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore:.*phase of the mesh")  # there is none in noise
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_a_loaded_model_gives_the_same_posteriors_bit_by_bit(fitted, tmp_path, name):
     model = fitted(name)

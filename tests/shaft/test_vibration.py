@@ -122,6 +122,7 @@ NO_SHAFT = {
         *((None, (TURN * low, TURN * high)) for low, high in ((20, 29.9), (45, 67), (70, 100))),
     ],
 )
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NO_SHAFT)
 def test_a_signal_without_a_shaft_is_refused(name, orders, speeds):
     with pytest.raises(ValueError, match="no second of the signal shows a s"):
