@@ -88,7 +88,7 @@ def test_a_short_baseline_counts_as_uncertain():
 @pytest.mark.slow
 @pytest.mark.parametrize("own", [True, False])
 def test_the_false_alarm_rate_holds_for_new_recordings(own):
-    rng, alarms, sizes = np.random.default_rng(4), 0.0, 60
+    rng, alarms, sizes = np.random.default_rng(4), 0.0, 30
     for _ in range(sizes):
         X, units = fleet(20, 6, rng)
         index = HealthIndex(0.1).fit(X[units < 19], groups=np.arange(114), units=units[units < 19])
@@ -193,7 +193,7 @@ def test_rows_of_fit_are_no_baseline_of_a_chart():
 @pytest.mark.slow
 def test_few_exchangeable_baselines_are_called_unstable():
     rng, parts = np.random.default_rng(13), np.repeat([0, 1], 15)
-    found = [instability(x, parts) for x in rng.normal(size=(1000, 30, 5))]
+    found = [instability(x, parts) for x in rng.normal(size=(500, 30, 5))]
     assert np.mean([bool(text) for text in found]) < 0.02
 
 
