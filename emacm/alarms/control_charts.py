@@ -287,6 +287,11 @@ class EWMA(_Chart):
     n_updates_ : int
         Readings since the last `reset`.
 
+    See Also
+    --------
+    emacm.monitoring.CUSUM : For a shift upwards.
+    emacm.monitoring.HealthIndex : An index to watch.
+
     References
     ----------
     .. [1] J. M. Lucas and M. S. Saccucci, Technometrics 32(1), 1-12, 1990.
@@ -346,6 +351,10 @@ class CUSUM(_Chart):
         The present sum.
     n_updates_ : int
         Readings since the last `reset`.
+
+    See Also
+    --------
+    emacm.monitoring.EWMA : For shifts in both directions.
 
     References
     ----------

@@ -50,6 +50,10 @@ def health_trend(model: Any, recordings: Any, *, unit: Any = None, time: Any) ->
         If `model` is no such pipeline, units or times are invalid, or there are too few groups for
         the limit.
 
+    See Also
+    --------
+    emacm.monitoring.HealthIndex : The index.
+
     Examples
     --------
     >>> from emacm import OrderPSD, OrderResampler, Recording
@@ -123,6 +127,11 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         Number of features.
     feature_names_in_ : ndarray of str
         Their names, if they have any.
+
+    See Also
+    --------
+    emacm.monitoring.health_trend : Its trend for each unit.
+    emacm.monitoring.EWMA : Alarms on the index.
 
     Notes
     -----

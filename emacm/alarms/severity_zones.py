@@ -90,6 +90,11 @@ def severity_zone(velocity: ArrayLike, machine_class: str) -> Any:
     TypeError, ValueError
         If the class is unknown, or a velocity is negative or not finite.
 
+    See Also
+    --------
+    emacm.monitoring.severity_zones : Limits of the zones.
+    emacm.monitoring.vibration_severity : The RMS velocity that is rated.
+
     Examples
     --------
     >>> severity_zone(3.1, "group 2 rigid"), severity_zone([0.5, 30.0], "class I").tolist()
@@ -140,6 +145,10 @@ def vibration_velocity(
         If the signal is not finite or shorter than ten periods of the lowest frequency, or the
         band exceeds half the sampling rate.
 
+    See Also
+    --------
+    emacm.monitoring.vibration_severity : Its RMS.
+
     Examples
     --------
     A tone of 160 Hz and 10 m/s2 has a velocity of 10 / (2 pi 160) m/s:
@@ -187,6 +196,11 @@ def vibration_severity(recording: Recording, machine_class: str) -> pd.DataFrame
     TypeError, ValueError
         If no channel is an acceleration, and as for `vibration_velocity`; the message gives the
         channel.
+
+    See Also
+    --------
+    emacm.monitoring.severity_zone : The zone of ISO 20816-3.
+    emacm.monitoring.vibration_indicators : With crest factor and kurtosis.
 
     Examples
     --------
@@ -244,6 +258,10 @@ def vibration_indicators(
     ------
     TypeError, ValueError
         If the class is unknown.
+
+    See Also
+    --------
+    emacm.monitoring.vibration_severity : RMS velocity alone.
 
     Examples
     --------

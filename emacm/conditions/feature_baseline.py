@@ -48,6 +48,11 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
     transformer_ : transformer
         The fitted transformer.
 
+    See Also
+    --------
+    emacm.SignalBaseline : For signals at each shaft angle, before spectra.
+    emacm.ConditionRouter : A model for each condition.
+
     Notes
     -----
     Another unit of the same type needs a few healthy recordings under each load. Of the recordings

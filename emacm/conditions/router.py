@@ -91,6 +91,10 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
         Possible decisions and their costs, if the last step is a classifier with costs
         (`CostSensitiveGaussianBayes`, `LeastRiskClassifier`, `PosteriorProduct`).
 
+    See Also
+    --------
+    emacm.FeatureBaseline : One model, with features relative to their condition.
+
     Notes
     -----
     `cost` and `priors` of such a last step take effect when a decision is made:

@@ -321,6 +321,11 @@ class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ig
     theta_s_ : float
         Angle between samples [rad].
 
+    See Also
+    --------
+    emacm.FeatureBaseline : The same for features.
+    emacm.ConditionRouter : A model for each condition.
+
     Notes
     -----
     The signals are resampled at whole multiples of `theta_s`, so means and differences are

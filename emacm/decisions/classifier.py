@@ -119,6 +119,12 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
     feature_names_in_ : ndarray of shape (n_features,)
         Names of the features, if they have any.
 
+    See Also
+    --------
+    emacm.LeastRiskClassifier : The same decisions with another classifier's probabilities.
+    emacm.NewUnitClassifier : For units that were not in training.
+    emacm.family_costs : A cost matrix for families of states.
+
     Notes
     -----
     `cost` and `priors` take effect when a decision is made: ``set_params(cost=...)`` on a fitted

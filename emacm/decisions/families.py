@@ -90,6 +90,10 @@ def as_families(y: ArrayLike, families: Any) -> NDArray[Any]:
     TypeError, ValueError
         If a label has no family (the message gives its position), or `families` is ambiguous.
 
+    See Also
+    --------
+    emacm.family_costs : The costs of families.
+
     Examples
     --------
     >>> families = {"normal": ["normal"], "spalling": ["spalling1", "spalling2"]}
@@ -147,6 +151,11 @@ def family_costs(
     ValueError
         If `families` is ambiguous, a family is unknown, one of `other_decisions` is a family, or
         `missed` or `false_alarm` is given without `healthy` or together with a complete table.
+
+    See Also
+    --------
+    emacm.as_families : Labels as families.
+    emacm.set_costs : Costs of opening parts.
 
     Notes
     -----
@@ -221,6 +230,10 @@ def set_costs(
     ValueError
         If `opening` and `left` have different parts, a state contains another part, there are
         more than ten parts, or one of `other_decisions` is a set of parts.
+
+    See Also
+    --------
+    emacm.family_costs : Costs of decisions on one fault.
 
     Notes
     -----

@@ -93,6 +93,10 @@ class LeastRiskClassifier(
     feature_names_in_ : ndarray of shape (n_features,)
         Names of the features, if the estimator has them.
 
+    See Also
+    --------
+    emacm.CostSensitiveGaussianBayes : Gaussian classes.
+
     Notes
     -----
     `cost` and `priors` take effect when a decision is made: ``set_params(cost=...)`` on a

@@ -190,6 +190,11 @@ def expected_cost(
         If lengths differ, a label has no row or column (the message gives its position), the
         array does not fit the labels that occur, or a cost or a weight is invalid.
 
+    See Also
+    --------
+    emacm.neg_expected_cost : As a scorer of scikit-learn.
+    emacm.evaluate : With intervals, by run and by unit.
+
     Examples
     --------
     >>> expected_cost([0, 0, 1, 1], [0, 1, 1, 0], cost=[[0, 10], [1, 0]])
@@ -233,6 +238,10 @@ def neg_expected_cost(estimator: Any, X: Any, y: ArrayLike) -> float:
         If the classifier has no cost.
     ValueError
         If `y` contains a class that is absent from training.
+
+    See Also
+    --------
+    emacm.expected_cost : The figure itself.
 
     Examples
     --------

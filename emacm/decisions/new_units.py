@@ -58,6 +58,11 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
     classes_, truths_, decisions_, cost_, priors_, ...
         As of `CostSensitiveGaussianBayes`.
 
+    See Also
+    --------
+    emacm.CostSensitiveGaussianBayes : Without an offset for each unit.
+    emacm.FeatureBaseline : Subtracts the mean of healthy recordings of the unit.
+
     Notes
     -----
     Class means of different units differ by chance. The part of this that is caused by the units

@@ -52,6 +52,10 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
     n_features_in_, feature_names_in_ : int and ndarray of shape (n_features,)
         Number and names of the features, if the members have them.
 
+    See Also
+    --------
+    emacm.CostSensitiveGaussianBayes : One classifier for all features.
+
     Notes
     -----
     The product is exact if the channels are independent within each class. Otherwise the posterior

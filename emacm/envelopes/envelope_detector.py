@@ -57,6 +57,12 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
     channels_ : tuple of str
         Channels of the result.
 
+    See Also
+    --------
+    emacm.kurtogram : The band with the most impulsive signal.
+    emacm.CepstralPrewhitening : The step before, for machines with strong shaft lines.
+    emacm.bearing_recipe : Both in a pipeline.
+
     Notes
     -----
     `X` is a list of `Recording`, and so is the result, with the same shaft and meta. Envelopes are

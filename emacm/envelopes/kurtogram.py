@@ -76,6 +76,11 @@ def kurtogram(signal: ArrayLike | Series, fs: float, *, levels: int | None = Non
     TypeError, ValueError
         If the signal is not finite, too short for the levels, or has no power.
 
+    See Also
+    --------
+    emacm.spectral_kurtosis : At each frequency, with one window.
+    emacm.EnvelopeDetector : The envelope of the band found.
+
     Notes
     -----
     The kurtosis of the complex envelope y of a band is mean(\\|y\\|⁴) / mean(\\|y\\|²)² - 2.
@@ -146,6 +151,10 @@ def spectral_kurtosis(
     ------
     TypeError, ValueError
         If the signal is not finite, has no power at a frequency, or is shorter than 8 segments.
+
+    See Also
+    --------
+    emacm.kurtogram : Over bands of several widths.
 
     References
     ----------

@@ -241,6 +241,10 @@ class CepstralPrewhitening(  # type: ignore[call-arg]
     whitened_ : tuple of str
         Channels that are whitened.
 
+    See Also
+    --------
+    emacm.EnvelopeDetector : The step after.
+
     Notes
     -----
     `X` is a list of `Recording`, and so is the result, with the same shaft and meta. The signals

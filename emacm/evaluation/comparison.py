@@ -84,6 +84,10 @@ def compare(
         If there are fewer than two evaluations, one is not a result of `evaluate`, no scheme was
         scored by all of them, or `scheme` or `reference` is not among them.
 
+    See Also
+    --------
+    emacm.evaluate : One model.
+
     Notes
     -----
     Differences are paired: both evaluations are computed for the same bootstrap draws of whole

@@ -124,6 +124,10 @@ def miss_rate_limit(
         0.01 and 0.95); or if no cost suffices, because the model gives some faults the
         probability 0.
 
+    See Also
+    --------
+    emacm.evaluate : Rates of all decisions.
+
     Notes
     -----
     Units are assumed to be exchangeable: those in service resemble these, in the mix of faults

@@ -100,6 +100,11 @@ def evaluate_unknown(
         If an argument is invalid, or the estimator has no unknown state; or an error of the
         estimator, with the fold.
 
+    See Also
+    --------
+    emacm.evaluate : Recordings, runs and units held out.
+    emacm.outside_training : What of a recording is outside the range of training.
+
     Examples
     --------
     >>> from emacm import CostSensitiveGaussianBayes

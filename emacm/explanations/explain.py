@@ -73,6 +73,12 @@ def explain_decision(
         If a step is neither element-wise nor linear (the message gives its name), `x` is not
         exactly one recording, or a label is unknown.
 
+    See Also
+    --------
+    emacm.explain_model : What the model uses in general.
+    emacm.match_fault_orders : Parts whose orders explain a line.
+    emacm.maintenance_report : Pages for maintenance.
+
     Notes
     -----
     The log odds log P(decision | x) - log P(against | x) [nats] are explained, without any cost.
@@ -190,6 +196,10 @@ def explain_model(pipeline: Any, X: Any, y: ArrayLike | None = None) -> pd.DataF
     ------
     TypeError, ValueError
         As `explain_decision`; or if `y` has another length, an unknown class or a single class.
+
+    See Also
+    --------
+    emacm.explain_decision : One recording.
 
     Examples
     --------

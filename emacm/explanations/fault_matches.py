@@ -54,6 +54,11 @@ def match_fault_orders(
     TypeError, ValueError
         If `explanation` is not an explanation, there is no order, or an order is not positive.
 
+    See Also
+    --------
+    emacm.fault_orders : The orders of the parts.
+    emacm.explain_decision : Bins that decided.
+
     Notes
     -----
     A predicted share close to the fraction of bins proves nothing; one below it suggests a model

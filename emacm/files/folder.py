@@ -275,6 +275,11 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> FileRecordin
     UserWarning
         When samples are read: if the last row of a text has no line end; it is left out.
 
+    See Also
+    --------
+    emacm.RecordingFolder : All files of a folder.
+    emacm.Layout : What the columns of a file mean.
+
     Examples
     --------
     >>> import tempfile
@@ -342,6 +347,11 @@ class RecordingFolder(Sequence[Recording]):
         If there is no such folder.
     ValueError
         If no file matches, or the name of one does not match the `meta` of the layout.
+
+    See Also
+    --------
+    emacm.open_recording : One file.
+    emacm.Layout : What the columns of a file mean.
 
     Examples
     --------

@@ -116,6 +116,11 @@ class Layout:
     TypeError, ValueError
         If an option is not of this form, or more than one shaft reference is given.
 
+    See Also
+    --------
+    emacm.open_recording : Reads a file by a layout.
+    emacm.RecordingFolder : Reads a folder by a layout.
+
     Examples
     --------
     >>> layout = Layout(channels=["vibration"], velocity="speed [rpm]", meta="{unit}_{run:d}")

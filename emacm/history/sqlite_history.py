@@ -63,6 +63,10 @@ class History:
     ValueError
         If the file is no such history, or cannot be opened.
 
+    See Also
+    --------
+    emacm.monitoring.record_of : Records that it stores.
+
     Examples
     --------
     >>> import tempfile

@@ -76,6 +76,11 @@ def phm2012_score(true: ArrayLike, predicted: ArrayLike) -> float:
     TypeError, ValueError
         If the lengths differ, a value is not finite, or a true life is not positive.
 
+    See Also
+    --------
+    emacm.monitoring.coverage_by_unit : Share of lives in intervals.
+    emacm.monitoring.phm2012_lives : The lives of its data.
+
     References
     ----------
     .. [1] P. Nectoux et al., PRONOSTIA: an experimental platform for bearings accelerated
@@ -122,6 +127,10 @@ def coverage_by_unit(
     ------
     TypeError, ValueError
         If the lengths differ, `true` is not finite, a limit is NaN or `lower` above `upper`.
+
+    See Also
+    --------
+    emacm.monitoring.phm2012_score : A score of one number.
 
     Examples
     --------

@@ -64,6 +64,10 @@ class MaintenanceCosts:
     TypeError, ValueError
         If a cost or a time is negative, or `review` is 0.
 
+    See Also
+    --------
+    emacm.monitoring.RemainingLife : Intervals of the remaining life.
+
     Examples
     --------
     >>> costs = MaintenanceCosts(
@@ -171,6 +175,11 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         Distributions before and after the onset: `population` and `damage`.
     n_features_in_ : int
         Number of columns.
+
+    See Also
+    --------
+    emacm.monitoring.MaintenanceCosts : Decisions from its intervals.
+    emacm.monitoring.coverage_by_unit : Share of lives in the intervals.
 
     Notes
     -----

@@ -472,6 +472,11 @@ class FaultLines(OrderTableTransformer):
     feature_names_in_ : ndarray of str
         Their names.
 
+    See Also
+    --------
+    emacm.find_faults : Names faults without training data.
+    emacm.BinTransformer : All orders up to a highest one.
+
     Notes
     -----
     The level of a fault is the mean over its lines of 10 log10(line / background). One common slip

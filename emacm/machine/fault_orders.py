@@ -60,6 +60,11 @@ def fault_orders(
         If there is no part, two lines have the same name, an order is not positive, or "current"
         is requested without exactly one motor.
 
+    See Also
+    --------
+    emacm.order_bands : Bins around these orders.
+    emacm.match_fault_orders : Parts whose orders explain a line.
+
     Notes
     -----
     `OrderSpectrumDisplay` marks ``fault_orders(...)["order"].to_dict()``; `order_bands` turns the
@@ -132,6 +137,11 @@ def order_bands(
     TypeError, ValueError
         If bands overlap and `on_overlap` is "raise", a band has no width, there is no order, or an
         order is not positive.
+
+    See Also
+    --------
+    emacm.fault_orders : Orders of the faults.
+    emacm.BinTransformer : Takes the bands as bins.
 
     Examples
     --------

@@ -29,6 +29,11 @@ class Gear(Part):
     TypeError, ValueError
         If a value is out of range.
 
+    See Also
+    --------
+    emacm.PlanetaryGear : Sun, planets and ring.
+    emacm.GearIndicators : Indicators of the average over revolutions.
+
     Notes
     -----
     The same two teeth meet once in lcm(teeth, mating teeth) meshes: the hunting tooth order. A
@@ -108,6 +113,10 @@ class PlanetaryGear(Part):
     ------
     TypeError, ValueError
         If a value is out of range, the teeth do not fit, or `driven_by` is fixed.
+
+    See Also
+    --------
+    emacm.Gear : Two wheels.
 
     Notes
     -----

@@ -27,6 +27,10 @@ class Motor(Part):
     TypeError, ValueError
         If a value is out of range.
 
+    See Also
+    --------
+    emacm.InductionMotor : With slip.
+
     Notes
     -----
     Imbalance, a bent shaft, an eccentric rotor and, by Chirico (section 4.5), possibly poor
@@ -98,6 +102,10 @@ class InductionMotor(Part):
     ------
     TypeError, ValueError
         If a value is out of range.
+
+    See Also
+    --------
+    emacm.Motor : With permanent magnets.
 
     Notes
     -----

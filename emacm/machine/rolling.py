@@ -33,6 +33,11 @@ class Bearing(Part):
     TypeError, ValueError
         If a value is out of range, or the balls do not fit.
 
+    See Also
+    --------
+    emacm.fault_orders : Orders of the faults of several parts.
+    emacm.find_faults : Names the fault of a recording.
+
     Notes
     -----
     With γ = BD/PD cos φ: BPFO = n/2 (1 - γ), BPFI = n/2 (1 + γ), BSF = PD/(2 BD) (1 - γ²),
@@ -123,6 +128,11 @@ class BallScrew(Part):
     ------
     TypeError, ValueError
         If a value is out of range, or the balls do not fit.
+
+    See Also
+    --------
+    emacm.Bearing : A bearing.
+    emacm.fault_orders : Orders of the faults of several parts.
 
     Notes
     -----

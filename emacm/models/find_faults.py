@@ -166,6 +166,12 @@ def find_faults(
         If an input is invalid, a recording is too short, its sampling rate is too low for the
         lines or differs from that of `healthy`; the message gives the recording.
 
+    See Also
+    --------
+    emacm.fault_orders : Orders of the faults of several parts.
+    emacm.bearing_recipe : A classifier that is trained on lines.
+    emacm.angle_from_vibration : The shaft angle, if it was not measured.
+
     Notes
     -----
     Without `healthy`, a fault is suspected from a score of 3 dB on, and named from 6 dB on, if the

@@ -186,6 +186,11 @@ def load_model(path: str | os.PathLike[str]) -> Any:
     -----
     UserWarning
         If the model was saved under other versions.
+
+    See Also
+    --------
+    emacm.save_model : How the file is written.
+    emacm.describe_model : What is stored in it.
     """
     about, stored = _read(path)
     skops = _skops()

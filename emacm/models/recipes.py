@@ -76,6 +76,11 @@ def bearing_recipe(
     TypeError, ValueError
         If a parameter is invalid.
 
+    See Also
+    --------
+    emacm.find_faults : Without training data.
+    emacm.actuator_recipe : For strokes of an actuator.
+
     Notes
     -----
     The envelope is its amplitude (not squared), from 1/32 to 15/32 of the sampling rate. These
@@ -191,6 +196,11 @@ def actuator_recipe(
     ValueError
         If `healthy` is given without `phase`, or a number is out of range. When fitted: if
         a channel of a recording has no power (the message gives both).
+
+    See Also
+    --------
+    emacm.bearing_recipe : For vibration of rolling bearings.
+    emacm.evaluate : What the fitted model can do.
 
     Notes
     -----

@@ -79,6 +79,12 @@ def score(model: Any, recordings: Any, *, n_jobs: int | None = None) -> pd.DataF
     TypeError, ValueError
         If `model` is not a fitted classifier, or `recordings` is not a sequence.
 
+    See Also
+    --------
+    emacm.outside_training : Its statement of conditions outside of training.
+    emacm.maintenance_report : Pages of the same recordings.
+    emacm.save_model : Stores the model.
+
     Examples
     --------
     >>> import numpy as np

@@ -69,6 +69,12 @@ class BinTransformer(OrderTableTransformer):
     feature_names_in_ : ndarray of str
         Their names, where they have names.
 
+    See Also
+    --------
+    emacm.OrderPSD : Spectra that are summed.
+    emacm.order_bands : Bins around the orders of a machine's faults.
+    emacm.FaultLines : Levels of fault lines over their background.
+
     Notes
     -----
     The axis is read from columns named ``channel@order``, as returned by `OrderPSD`. The bins are

@@ -265,6 +265,10 @@ class OrderCrossSpectrum(WelchEstimator):
     theta_s_ : float
         Angle between samples [rad].
 
+    See Also
+    --------
+    emacm.OrderPSD : Power of each channel.
+
     Notes
     -----
     `X` is what `OrderResampler` returns. Recordings are resampled one at a time, in blocks.

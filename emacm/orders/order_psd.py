@@ -92,6 +92,12 @@ class OrderPSD(WelchEstimator):
     n_features_in_ : int
         Samples of a row, where X is a 2-D table.
 
+    See Also
+    --------
+    emacm.OrderResampler : Resamples to shaft angle, the step before.
+    emacm.BinTransformer : Sums spectra into order bins, the step after.
+    emacm.OrderCrossSpectrum : Coherence and phase of two channels.
+
     Notes
     -----
     `X` is what `OrderResampler` returns. It may also be a 2-D array whose rows are equally long

@@ -104,6 +104,12 @@ class Recording:
         durations differ by more than one sample, if a rate is not positive, or
         if the shaft reference is missing or given twice.
 
+    See Also
+    --------
+    emacm.open_recording : A recording from a file.
+    emacm.RecordingFolder : All recordings of a folder, read when they are needed.
+    emacm.angle_from_tacho : The shaft angle from a tachometer.
+
     Notes
     -----
     A file below a memory map must not be changed or truncated while the recording is in use:

@@ -92,6 +92,11 @@ def maintenance_report(
         If `model` is not a fitted classifier, an action is given for something that is not a
         decision, a part, the history or a time is invalid, or `path` is a file of another type.
 
+    See Also
+    --------
+    emacm.score : A table of decisions.
+    emacm.explain_decision : Numbers behind a page.
+
     Notes
     -----
     A component is named if at least half of its first three lines are raised by 3 dB and 4 standard

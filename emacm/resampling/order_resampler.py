@@ -142,6 +142,11 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
     training_findings_ : tuple of str
         Kinds of warnings of `quality` that occur among them.
 
+    See Also
+    --------
+    emacm.OrderPSD : Order spectra of the resampled signals.
+    emacm.outside_training : What of a recording is outside the range of training.
+
     Notes
     -----
     `X` is a list of `Recording`, or, where `fs` and `reference` are given, an

@@ -46,6 +46,11 @@ def angle_from_velocity(velocity: ArrayLike, fs: float, *, initial: float = 0.0)
         If the speed is not a finite numeric signal, `fs` is not positive, or `initial` is no
         number.
 
+    See Also
+    --------
+    emacm.angle_from_wrapped : From an angle within one revolution.
+    emacm.angle_from_tacho : From a tachometer.
+
     References
     ----------
     .. [1] Chirico, Eq. (2.9), with the parentheses it lacks around the sum of two speeds.
@@ -86,6 +91,11 @@ def angle_from_wrapped(angle: ArrayLike, *, period: float = 2 * np.pi) -> Angle:
         If the angle is not a finite numeric signal, `period` is not positive, or the angle cannot
         be wrapped at this period: it spans more (by over a quarter, which allows for noise)
         and steps by more than half of it.
+
+    See Also
+    --------
+    emacm.angle_from_resolver : From sine and cosine.
+    emacm.angle_from_position : From the position of the nut of a screw.
 
     Examples
     --------
@@ -161,6 +171,10 @@ def angle_from_resolver(sine: ArrayLike, cosine: ArrayLike, *, pole_pairs: int =
         If the two are not finite numeric signals of one length, or their amplitude falls
         below 5 % of its RMS.
 
+    See Also
+    --------
+    emacm.angle_from_wrapped : From an angle within one revolution.
+
     References
     ----------
     .. [1] Hanselman, Resolver signal requirements for high accuracy resolver-to-digital
@@ -211,6 +225,11 @@ def angle_from_position(position: ArrayLike, lead: float) -> Angle:
     ValueError, TypeError
         If the position is not a finite numeric signal, or the lead is 0.
 
+    See Also
+    --------
+    emacm.angle_from_wrapped : From an angle within one revolution.
+    emacm.angle_from_velocity : From a speed.
+
     Examples
     --------
     >>> angle_from_position([0.0, 2.5, 5.0], lead=5.0) / np.pi
@@ -257,6 +276,11 @@ def angle_from_currents(currents: ArrayLike, *, pole_pairs: int, weak: float = 0
     ValueError, TypeError
         If the currents have another shape, are not finite numbers, or leave fewer than two
         samples with an angle.
+
+    See Also
+    --------
+    emacm.angle_from_vibration : From a vibration.
+    emacm.angle_from_resolver : From sine and cosine.
 
     References
     ----------

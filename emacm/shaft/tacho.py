@@ -56,6 +56,10 @@ def pulse_times(
         If the channel is not a finite numeric signal, is flat, has no pulse, or (without
         `threshold` and `hysteresis`) has peaks so rare that its levels cannot be determined.
 
+    See Also
+    --------
+    emacm.angle_from_pulses : The shaft angle from these times.
+
     Examples
     --------
     >>> pulse_times([0, 0, 1, 1, 0, 0, 1, 1, 0], fs=1)
@@ -163,6 +167,11 @@ def angle_from_pulses(
         If the times are not finite and increasing, fewer than two lie in the recording, or a gap
         (at an end, too) exceeds ten intervals.
 
+    See Also
+    --------
+    emacm.angle_from_tacho : From the signal of a tachometer.
+    emacm.pulse_times : Times of pulses in a signal.
+
     References
     ----------
     .. [1] Fritsch and Carlson, Monotone piecewise cubic interpolation, SIAM J. Numer. Anal.
@@ -217,6 +226,11 @@ def angle_from_tacho(
     ------
     ValueError, TypeError
         As the two functions do.
+
+    See Also
+    --------
+    emacm.angle_from_pulses : From the times of pulses.
+    emacm.angle_from_vibration : Without a tachometer.
 
     Examples
     --------

@@ -107,6 +107,11 @@ def angle_from_vibration(
         If the signal is not a finite numeric signal, a parameter is out of range, or no second
         is reliable; the message gives the best speed, and what is missing.
 
+    See Also
+    --------
+    emacm.angle_from_tacho : From a tachometer, which is more certain.
+    emacm.find_faults : Names faults at a known speed.
+
     Notes
     -----
     The lines of all orders are evaluated on one grid of speeds (multi-order probabilistic

@@ -237,6 +237,12 @@ class OrderMonitor:
         If an argument is invalid, or the model needs whole recordings; the message names the step
         or option.
 
+    See Also
+    --------
+    emacm.score : Decisions on recordings.
+    emacm.monitoring.EWMA : Alarms on its readings.
+    emacm.monitoring.InputAlarm : Alarms on unknown states and implausible input.
+
     Notes
     -----
     A stroke goes on after a rest if the shaft then turns in the same direction. The samples of a

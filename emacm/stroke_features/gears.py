@@ -84,6 +84,11 @@ class SynchronousAverage(_RevolutionFeatures):
     channels_ : tuple of str
         Channels that are averaged.
 
+    See Also
+    --------
+    emacm.GearIndicators : Indicators of the average of a gear.
+    emacm.ShaftHarmonics : Amplitude and phase at multiples of shaft speed.
+
     Notes
     -----
     `X` is the output of `OrderResampler` with 2π/theta_s a whole number n of samples per
@@ -161,6 +166,11 @@ class GearIndicators(_RevolutionFeatures):
     ensemble_ : ndarray of shape (n_channels * n_directions * n_gears, 2)
         Variances of the residual signal and of the envelope, averaged over the recordings of
         `fit`: the run ensemble of NA4 and NB4.
+
+    See Also
+    --------
+    emacm.SynchronousAverage : The average from which they are computed.
+    emacm.Gear : Numbers of teeth.
 
     Notes
     -----

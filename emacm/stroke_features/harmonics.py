@@ -60,6 +60,11 @@ class ShaftHarmonics(StrokeFeatures):
     channels_ : tuple of str
         Channels that are described.
 
+    See Also
+    --------
+    emacm.OrderPSD : Power at all orders.
+    emacm.SynchronousAverage : The average over revolutions.
+
     Notes
     -----
     **Absolute phases compare recordings of one assembly only.** The shaft angle of a line follows

@@ -51,6 +51,11 @@ class StrokeProfile(StrokeFeatures):
     channels_ : tuple of str
         Channels that are described.
 
+    See Also
+    --------
+    emacm.ShaftHarmonics : Amplitude and phase at multiples of shaft speed.
+    emacm.OrderPSD : Spectra of strokes.
+
     Notes
     -----
     `X` is a list of `Recording`, or the output of `OrderResampler`. In both cases the integrals

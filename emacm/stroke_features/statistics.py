@@ -58,6 +58,10 @@ class RecordingStatistics(StrokeFeatures):
     channels_ : tuple of str
         Channels that are described.
 
+    See Also
+    --------
+    emacm.ShaftHarmonics : Amplitude and phase at multiples of shaft speed.
+
     Notes
     -----
     `X` is a list of `Recording`, with samples equally weighted in time, or the output of
