@@ -10,7 +10,7 @@ import sys
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import is_dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -44,6 +44,18 @@ def _check_types(names: Sequence[str]) -> None:
             f"steps of emacm and scikit-learn, and functions of NumPy or SciPy, only; or "
             f"joblib.dump, whose files execute code."
         )
+
+
+@contextmanager
+def _readable() -> Iterator[None]:
+    """Give any error of skops the remedy."""
+    try:
+        yield
+    except Exception as error:
+        raise ValueError(
+            f"it cannot be read ({type(error).__name__}: {error}). Save the model again, with "
+            f"the versions installed here: {installed_versions()}."
+        ) from error
 
 
 def _is_ours(name: str) -> bool:
@@ -196,15 +208,11 @@ def load_model(path: str | os.PathLike[str]) -> Any:
     skops = _skops()
     with located(f"model {path}"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # versions are compared below, all at once
-        types = skops.get_untrusted_types(data=stored)
+        with _readable():
+            types = skops.get_untrusted_types(data=stored)
         _check_types(types)
-        try:
+        with _readable():
             model = skops.loads(stored, trusted=types)
-        except Exception as error:
-            raise ValueError(
-                f"it cannot be read ({type(error).__name__}: {error}). Save the model again, with "
-                f"the versions installed here: {installed_versions()}."
-            ) from error
         differ = _differences(about["versions"])
         _replay(model, about["check"], differ)
     if differ:

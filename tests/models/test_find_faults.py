@@ -1,5 +1,6 @@
 """A fault is named from the geometry, and a machine without one is not."""
 
+import itertools
 import os
 import re
 from pathlib import Path
@@ -58,9 +59,18 @@ def test_each_fault_is_named_at_varying_speed_beside_strong_harmonics(fault, kin
     assert row["explanation"].endswith(f": {kind}")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("pair", [("BPFO", "BPFI"), ("BPFO", "BSF"), ("BPFI", "BSF")])
-@pytest.mark.parametrize("strengths", [(1.0, 1.0), (1.0, 0.5), (0.5, 1.0)])
+PAIRS = [("BPFO", "BPFI"), ("BPFO", "BSF"), ("BPFI", "BSF")]
+STRENGTHS = [(1.0, 1.0), (1.0, 0.5), (0.5, 1.0)]
+
+
+@pytest.mark.parametrize(
+    ("pair", "strengths"),
+    [(PAIRS[0], STRENGTHS[0])]
+    + [
+        pytest.param(*both, marks=pytest.mark.slow)
+        for both in list(itertools.product(PAIRS, STRENGTHS))[1:]
+    ],
+)
 def test_two_faults_are_named_together(pair, strengths):
     parts = [running(f, strength=s) for f, s in zip(pair, strengths, strict=True)]
     both = sum(part.signals["casing"] for part in parts) - running().signals["casing"]
