@@ -15,6 +15,15 @@ PUBLIC_MODULES += ["emacm.datasets", "emacm.shaft"]
 PAGES_WITHOUT_CHILDREN = ["index", "installation", "terms", "limits", "evidence", "comparison"]
 PAGES_WITHOUT_CHILDREN += ["contributing", "cite", "changes"]
 
+# Pages of packages; their addresses follow from the name: no inventory is needed.
+PAGES = {
+    "numpy.random": "https://numpy.org/doc/stable/reference/random/generated/",
+    "numpy": "https://numpy.org/doc/stable/reference/generated/",
+    "pandas": "https://pandas.pydata.org/docs/reference/api/",
+    "scipy": "https://docs.scipy.org/doc/scipy/reference/generated/",
+    "sklearn": "https://scikit-learn.org/stable/modules/generated/",
+}
+
 project = "emacm"
 author = copyright = "The emacm developers"
 release = version = emacm.__version__
@@ -90,8 +99,11 @@ FULL_NAMES = public_names()
 
 
 def link_bare_name(app, env, node, content):
-    """Link `OrderPSD` and `OrderPSD.fit` from any page, also from docstrings of other modules."""
+    """Link `OrderPSD` and `OrderPSD.fit` from any page, and names of NumPy, SciPy and so on."""
     target = node.get("reftarget", "").removesuffix("()")
+    for package, address in PAGES.items():
+        if target.startswith(f"{package}."):
+            return nodes.reference("", "", content, refuri=f"{address}{target}.html")
     name, *rest = target.split(".")
     full = ".".join([FULL_NAMES.get(name, name), *rest])
     if node.get("refdomain") != "py" or full == target:
