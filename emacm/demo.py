@@ -38,7 +38,7 @@ from emacm.simulation import FAULT_ORDERS, simulate_fleet
 HEALTHY, INSPECT, UNKNOWN = "healthy", "inspect", "unknown"
 P_HEALTHY = 0.9  # prior probability: nine of ten units that are measured are healthy
 INSPECTION = 0.5  # cost relative to a false alarm
-MISSED = (10.0, 100.0)  # costs of a missed detection that are compared, relative to a false alarm
+MISSED = (4.0, 20.0)  # costs of a missed detection that are compared, relative to a false alarm
 _SEVERITY = (0.1, 0.5)  # range of the simulated faults; 1 is a fully developed fault
 _CHANNELS = {"current_a": "A", "accelerometer": "g"}
 

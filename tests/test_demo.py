@@ -151,7 +151,7 @@ def test_the_demo_prints_the_decisions_of_its_models_under_both_cost_matrices(ru
     printed = parsed_decisions(run["text"])
     assert len(printed) == len(run["decided"]) == 2
     for (truths, decisions, cost), figures, missed in zip(
-        run["decided"], printed, (10.0, 100.0), strict=True
+        run["decided"], printed, (4.0, 20.0), strict=True
     ):
         assert truths.tolist() == run["truths"].tolist()
         unknown = model[-1].unknown_proba(features)[:, np.newaxis]
