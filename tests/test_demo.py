@@ -166,7 +166,7 @@ def test_the_demo_prints_the_decisions_of_its_models_under_both_cost_matrices(ru
 def test_the_saved_model_has_the_first_costs_and_realistic_priors(run):
     model = load_model(run["folder"] / "simulated.emacm")
     assert model[-1].cost.loc["healthy"].to_dict() == {
-        "healthy": 0, "inner ring": 10, "screw": 10
+        "healthy": 0, "inner ring": 4, "screw": 4
     }  # fmt: skip
     assert model[-1].cost["healthy"].to_dict() == {
         "healthy": 0, "inner ring": 1, "screw": 1, "inspect": 0.5, "unknown": 1
