@@ -39,15 +39,6 @@ def run_csv(tmp_path, monkeypatch):
     pd.DataFrame(columns).to_csv("run.csv", index=False)
 
 
-@pytest.fixture(scope="module")
-def decisions(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(tmp_path_factory.mktemp("decisions"))
-        names = names_after(code_blocks("python", METHOD_TEXT)[0])
-        names["saved"] = load_model("model.skops")
-    return names
-
-
 def test_it_fits_into_150_lines_and_a_decision_into_15():
     assert len(README_TEXT.splitlines()) <= 150
     assert len(code_blocks("python")[0].splitlines()) <= 15
@@ -77,28 +68,21 @@ def test_a_damaged_bearing_in_a_mat_file_is_named(tmp_path, monkeypatch, capsys)
 
 
 @pytest.mark.slow
-def test_the_rates_in_the_text_are_those_of_the_example(decisions):
+def test_the_page_on_the_method_states_what_its_example_gives(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = names_after(code_blocks("python", METHOD_TEXT)[0])
     stated = re.search(
         r"(\d+) % of the healthy .*? called faulty, (\d+) % are sent to inspection, and\s"
         r"(\d+) % of the faulty",
         METHOD_TEXT,
     ).groups()
-    row = decisions["result"].table.loc["by unit"]
+    row = names["result"].table.loc["by unit"]
     rates = row[["false_alarm_rate", "inspection_rate", "missed_detection_rate"]]
     assert [round(100 * rate) for rate in rates] == [int(number) for number in stated]
-
-
-@pytest.mark.slow
-def test_a_gain_of_1000_is_unknown_and_stated(decisions):
-    model, wrong = decisions["model"], decisions["wrong"]
+    model, wrong, saved = names["model"], names["wrong"], load_model("model.skops")
     assert model.predict([wrong]).tolist() == ["unknown"]
     assert "60 dB" in outside_training(model, [wrong])[0][0]
-
-
-@pytest.mark.slow
-def test_the_saved_model_decides_as_the_fitted_one(decisions):
-    recordings = decisions["recordings"][::7]
-    model, saved = decisions["model"], decisions["saved"]
+    recordings = names["recordings"][::7]
     assert list(saved.predict(recordings)) == list(model.predict(recordings))
     assert saved[-1].cost.loc["healthy", "screw"] == 10
 

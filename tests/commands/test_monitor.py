@@ -279,9 +279,9 @@ def test_a_killed_run_loses_no_record_and_no_change_of_an_alarm(here, capsys):
     options = [*ALARMS, *RULE, "--every", "0.1", "--sink", "killed.sqlite", "--state", "k.state"]
     arguments = ["--layout", "layout.toml", "--max-speed", "100", "--idle", "0", *options]
     command = [sys.executable, "-m", "emacm", "monitor", "model.emacm", "killed.csv", *arguments]
-    pauses = np.random.default_rng(0).uniform(0, 0.03, 10)
+    pauses = np.random.default_rng(0).uniform(0, 0.03, 5)
     lines = []
-    for pause in [*pauses, None]:  # killed at 10 places after its first record, and then not
+    for pause in [*pauses, None]:  # killed at 5 places after its first record, and then not
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             if pause is not None:
                 lines.append(process.stdout.readline())
