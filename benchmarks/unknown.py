@@ -452,7 +452,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, help="file; default: the one below EMACM_DATA")
     json_option(parser)
-    parser.add_argument("--quick", action="store_true", help="one load, every other run, no phase, few units")
+    parser.add_argument("--quick", action="store_true", help="one load, every other run, no phase")
     options = parser.parse_args()
     print(header())
     folder = os.environ.get("EMACM_DATA")

@@ -30,7 +30,6 @@ from emacm import (
     Recording,
     neg_expected_cost,
 )
-from emacm.orders.columns import order_columns
 
 THETA_S = 2 * np.pi / 32
 COST = {("healthy", "worn"): 10.0}
@@ -188,49 +187,7 @@ def test_the_pipeline_is_cross_validated_by_unit(fleet):
     assert scores["test_accuracy"].mean() > 0.8
 
 
-def test_bare_arrays_pass_through_a_search():
-    rng = np.random.default_rng(0)
-    X = rng.normal(size=(12, 2, 800))
-    X[:, 1] = 60
-    pipe = make_pipeline(
-        OrderResampler(THETA_S, fs=500, reference=1),
-        OrderPSD(2),
-        BinTransformer(4, max_order=12),
-        CostSensitiveGaussianBayes(shrinkage="oas"),
-    )
-    search = GridSearchCV(pipe, {"orderpsd__revolutions": [2, 3]}, cv=2, error_score="raise")
-    assert search.fit(X, [0, 1] * 6).predict(X).shape == (12,)
-
-
 # Caches
-
-
-def silence(n_recordings=4):
-    return [
-        Recording({"a": np.zeros(2000)}, 500, velocity=np.full(2000, 60.0))
-        for _ in range(n_recordings)
-    ]
-
-
-def test_the_memory_of_a_pipeline_serves_no_stale_bins_where_numbers_coincide(tmp_path):
-    # Silence resampled at two steps: equal zeros in equally many columns, other orders.
-    def bins(samples, revolutions):
-        steps = make_pipeline(
-            OrderResampler(2 * np.pi / samples),
-            OrderPSD(revolutions),
-            BinTransformer(1, max_order=8),
-            FunctionTransformer(feature_names_out="one-to-one"),
-            memory=str(tmp_path),
-        )
-        steps.fit(silence())
-        return steps.named_steps["bintransformer"]
-
-    first, second = bins(64, 4), bins(32, 8)
-    assert first.n_features_in_ == second.n_features_in_
-    assert first.feature_names_in_[1] == "a@0.25"
-    assert second.feature_names_in_[1] == "a@0.125"
-    assert first.operator_.toarray()[0, 1] == pytest.approx(0.25)
-    assert second.operator_.toarray()[0, 1] == pytest.approx(0.125)
 
 
 @pytest.mark.filterwarnings("ignore:Persisting input arguments")  # joblib, of slow disks
@@ -262,27 +219,6 @@ def test_the_memory_of_spectra_tells_settings_of_the_resampler_apart(fleet, sett
     np.testing.assert_array_equal(cached, OrderPSD(4).fit_transform(other))
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"n_per_segment": 100},
-        {"window": "boxcar"},
-        {"overlap": 0.0},
-        {"detrend": None},
-        {"scaling": "spectrum"},
-        {"average": "median"},
-        {"by_direction": True},
-        {"max_order": 5},
-    ],
-    ids=lambda settings: next(iter(settings)),
-)
-def test_the_memory_of_spectra_tells_its_own_settings_apart(over_angle, settings, tmp_path):
-    X = over_angle[:2]
-    OrderPSD(4, memory=str(tmp_path)).fit_transform(X)
-    cached = OrderPSD(4, memory=str(tmp_path), **settings).fit_transform(X)
-    np.testing.assert_array_equal(cached, OrderPSD(4, **settings).fit_transform(X))
-
-
 # Workers
 
 
@@ -296,27 +232,6 @@ def test_two_workers_give_the_very_numbers_of_one(over_angle, spectra, backend):
 def test_a_recording_by_itself_has_the_spectrum_it_has_among_others(over_angle, spectra):
     alone = [OrderPSD(4).fit_transform([recording])[0] for recording in over_angle]
     np.testing.assert_array_equal(alone, spectra)
-
-
-# Precomputed spectra
-
-
-def test_precomputed_spectra_are_searched_for_the_bin_size(fleet, spectra):
-    _, y, groups = fleet
-    pipe = make_pipeline(*(step for _, step in monitoring().steps[2:]))
-    search = GridSearchCV(
-        pipe,
-        {"bintransformer__bin_size": [0.5, 1, 2]},
-        cv=GroupKFold(3),
-        error_score="raise",
-    )
-    search.fit(spectra, y, groups=groups)
-    whole = GridSearchCV(
-        monitoring(), search.param_grid, cv=GroupKFold(3), error_score="raise"
-    ).fit(fleet[0], y, groups=groups)
-    np.testing.assert_array_equal(
-        search.cv_results_["mean_test_score"], whole.cv_results_["mean_test_score"]
-    )
 
 
 # Other axes
@@ -352,17 +267,6 @@ def test_bins_refuse_another_axis_than_that_of_fit(fleet, other, container):
         bins.transform(spectra_in(container, X, **other))
 
 
-def test_the_same_axis_in_any_container_gives_the_same_bins(spectra):
-    names = list(spectra.columns)
-    plain = np.asarray(spectra)
-    bins = BinTransformer(max_order=12).fit(spectra)
-    expected = bins.transform(spectra)
-    for frame in (pd.DataFrame(plain, columns=names), pl.DataFrame(plain, schema=names)):
-        np.testing.assert_array_equal(bins.transform(frame), expected)
-        refitted = BinTransformer(max_order=12).fit_transform(frame)
-        np.testing.assert_array_equal(refitted, expected)
-
-
 # Beside other features
 
 
@@ -381,17 +285,6 @@ def test_order_columns_are_chosen_by_name_beside_others(spectra):
     np.testing.assert_array_equal(
         result.iloc[:, :12], BinTransformer(max_order=12).fit_transform(spectra)[:, :12]
     )
-
-
-# Bare rows
-
-
-def test_rows_with_a_step_of_angle_have_an_axis():
-    rows = np.random.default_rng(0).normal(size=(3, 500))
-    psd = OrderPSD(4, theta_s=THETA_S)
-    table = psd.fit_transform(rows)
-    assert table.columns == order_columns(["signal"], np.arange(65) / 4)
-    assert psd.theta_s_ == THETA_S
 
 
 # An axis that was lost, and state of an earlier fit

@@ -148,16 +148,6 @@ def test_no_module_imports_itself_by_way_of_others():
             del below[module]
 
 
-def test_a_relative_name_is_never_imported_from_the_package_itself():
-    lazy = {
-        (module, name)
-        for module in MODULES
-        for name in imported_anywhere(module)
-        if name.startswith("emacm.") and place(name) not in ORDER and name != "emacm.__version__"
-    }
-    assert not lazy  # inside, names come from their modules, not from the lazy public ones
-
-
 def test_files_are_short():
     lengths = {
         module: len(path.read_text(encoding="utf-8").splitlines()) for module, path in FILES.items()

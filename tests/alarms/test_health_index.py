@@ -241,20 +241,6 @@ def test_invalid_labels_and_rates_are_refused(false_alarm, options, message):
         HealthIndex(false_alarm).fit(X, **options)
 
 
-def test_features_may_be_in_any_units():
-    X, units = healthy(np.random.default_rng(0)), np.arange(24) // 6
-    factors = np.ldexp(1.0, (0, 0, -50, 50))
-    plain, scaled = (
-        HealthIndex(0.2, min_baseline=3).fit(x, groups=range(24), units=units)
-        for x in (X, X * factors)
-    )
-    new = X[:5] + 1.0
-    np.testing.assert_array_equal(scaled.transform(new * factors), plain.transform(new))
-    np.testing.assert_array_equal(
-        scaled.transform(new * factors, units[:5]), plain.transform(new, units[:5])
-    )
-
-
 def test_features_without_variation_are_refused():
     with pytest.raises(ValueError, match=r"no variation in any of 4 features\.$"):
         HealthIndex(0.2).fit(np.ones((24, 4)), groups=range(24))

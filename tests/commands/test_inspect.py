@@ -58,23 +58,6 @@ def test_a_draft_opens_the_file_at_once(csv, capsys):
     assert "exists" in capsys.readouterr().err
 
 
-def test_a_draft_of_a_bearing_file_lacks_what_the_file_does_not_state(tmp_path, capsys):
-    path, draft = tmp_path / "97.mat", tmp_path / "layout.toml"
-    scipy.io.savemat(path, {"X097_DE_time": VIBRATION[:, None], "X097RPM": 1796.0})
-    assert main(["inspect", str(path), "--draft", str(draft)]) == 0
-    printed = capsys.readouterr().out
-    assert "X097RPM = 1796" in printed
-    text = draft.read_text()
-    assert "# fs = 12000" in text
-    with pytest.raises(ValueError, match="sampling rate of"):
-        assert open_recording(path, Layout.from_toml(draft)).duration
-    filled = text.replace("# fs = ", "fs = ").replace('# "X097RPM"', '"X097RPM"')
-    draft.write_text(filled)
-    recording = open_recording(path, Layout.from_toml(draft))
-    assert (recording.channels, recording.fs["X097_DE_time"]) == (("X097_DE_time",), 12_000)
-    np.testing.assert_allclose(recording.velocity, 1796 * np.pi / 30)
-
-
 def test_a_gap_and_values_that_are_not_finite_are_stated(tmp_path, capsys):
     times = np.delete(np.arange(N + 1) / 100, 7)
     np.savez(tmp_path / "a.npz", t=times, b=np.where(np.arange(N) == 9, np.nan, VIBRATION))

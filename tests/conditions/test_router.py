@@ -1,16 +1,12 @@
 """Facts about routing: each condition has its own estimator, and rows keep their places."""
 
-import pickle
-
-import joblib
 import numpy as np
 import pandas as pd
 import pytest
-import sklearn
 from sklearn.base import BaseEstimator, ClassifierMixin, clone
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LinearRegression, LogisticRegression
-from sklearn.model_selection import GridSearchCV, cross_val_predict, cross_validate
+from sklearn.model_selection import GridSearchCV, cross_val_predict
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.svm import LinearSVC
@@ -140,14 +136,6 @@ def test_a_decision_that_a_condition_has_not_is_never_the_least_risk():
 # Decisions
 
 
-def test_decisions_of_text_and_classes_of_numbers_stay_what_they_are():
-    cost = {("inspect", 0): 0.01, ("inspect", 1): 0.01}
-    model = CostSensitiveGaussianBayes(cost, covariance="tied")
-    router = ConditionRouter(model).fit(LOADED, [0, 0, 1, 1] * 2)
-    answers = router.predict(table([20, 40, 20], [3.5, 4, 6])).tolist()
-    assert answers == ["inspect", 0, 1]
-
-
 def test_a_decision_for_the_family_of_a_state_is_scored_as_right():
     states = ["healthy", "healthy", "worn 1", "worn 1", "worn 2", "worn 2"] * 2
     levels = table([20] * 6 + [40] * 6, [1, 1.2, 5, 5.2, 9, 9.2] * 2)
@@ -200,17 +188,6 @@ def test_a_search_reaches_parameters_of_the_inner_steps(fleet):
     assert inner["bintransformer"].bin_size == search.best_params_[name]
 
 
-@pytest.mark.slow
-def test_folds_and_files_change_nothing(fleet, tmp_path):
-    X, y = fleet
-    router = ConditionRouter(chain()).fit(X, y)
-    joblib.dump(router, tmp_path / "router.joblib")
-    for same in (joblib.load(tmp_path / "router.joblib"), pickle.loads(pickle.dumps(router))):
-        np.testing.assert_array_equal(same.predict_proba(X), router.predict_proba(X))
-    scores = cross_validate(ConditionRouter(chain(), n_jobs=2), X, y, cv=3)["test_score"]
-    assert scores.min() > 0.9
-
-
 def test_it_has_the_methods_of_its_estimator_alone():
     assert not hasattr(ConditionRouter(chain()), "transform")
     assert not hasattr(ConditionRouter(chain()), "decision_function")
@@ -234,23 +211,6 @@ def test_arguments_with_an_entry_for_each_recording_are_cut_by_condition():
     router.fit(LOADED, STATES, sample_weight=np.arange(8), names=list("abcdefgh"), order="strictly")
     assert router.estimators_[20].given_ == ([0, 1, 2, 3], list("abcd"), "strictly")
     assert router.estimators_[40].given_ == ([4, 5, 6, 7], list("efgh"), "strictly")
-
-
-def test_weights_are_routed_where_scikit_learn_routes_metadata():
-    weight = np.arange(1.0, 9)
-    with sklearn.config_context(enable_metadata_routing=True):
-        model = CostSensitiveGaussianBayes(covariance="tied").set_fit_request(sample_weight=True)
-        result = cross_validate(
-            ConditionRouter(model).set_score_request(sample_weight=True),
-            LOADED,
-            STATES,
-            cv=[(np.arange(8), np.arange(8))],
-            params={"sample_weight": weight},
-            return_estimator=True,
-        )
-        router = ConditionRouter(model).fit(LOADED, STATES, sample_weight=weight)
-    assert router.estimators_[20].class_count_.tolist() == [3, 7]
-    assert result["estimator"][0].estimators_[20].class_count_.tolist() == [3, 7]
 
 
 def test_a_router_is_explained_by_the_pipeline_of_the_condition(fleet):
@@ -290,19 +250,6 @@ def test_a_cost_may_name_a_class_that_some_condition_lacks(cost):
     assert router.cost_.shape == (len(router.decisions_), 3)
     assert router.estimators_[40].cost_.shape[1] == 2
     assert router.predict(LOADED)[4:].tolist() == ["healthy", "healthy", "worn", "worn"]
-
-
-def test_a_fit_that_fails_leaves_the_router_as_it_was(fleet):
-    X, y = fleet
-    fresh = ConditionRouter(chain(shrinkage=2.0))
-    with pytest.raises(ValueError, match="shrinkage"):
-        fresh.fit(X, y)
-    with pytest.raises(NotFittedError):
-        fresh.predict(X)
-    router = ConditionRouter(chain()).fit(X, y)
-    with pytest.raises(ValueError, match="of class 'healthy'"):
-        router.fit(X[:18:3], y[:18:3])
-    assert router.conditions_ == (-40, 20, 40)
 
 
 @pytest.mark.parametrize(
@@ -377,16 +324,6 @@ def test_a_cost_that_a_search_selected_stays():
     np.testing.assert_array_equal(
         router.predict(LOADED.iloc[:4]), router.estimators_[20].predict(LOADED[["level"]].iloc[:4])
     )
-
-
-def test_workers_see_the_configuration_of_scikit_learn():
-    weight = np.arange(1.0, 9)
-    with sklearn.config_context(enable_metadata_routing=True):
-        model = CostSensitiveGaussianBayes(covariance="tied").set_fit_request(sample_weight=True)
-        pipe = make_pipeline(FunctionTransformer(), model)
-        router = ConditionRouter(pipe, n_jobs=2).fit(LOADED, STATES, sample_weight=weight)
-    assert router.estimators_[20][-1].class_count_.tolist() == [3, 7]
-    assert router.estimators_[40][-1].class_count_.tolist() == [11, 15]
 
 
 def bare(**meta):

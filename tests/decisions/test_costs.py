@@ -56,21 +56,6 @@ def test_a_mapping_lists_other_decisions_after_the_classes_as_they_appear():
     np.testing.assert_array_equal(matrix[3:], 0.1)
 
 
-@pytest.mark.parametrize(
-    ("classes", "extra", "kind"),
-    [
-        ([0, 1], "inspect", "O"),
-        ([0, 1], -1, "i"),
-        (["a", "b"], "inspect", "U"),
-        ([False, True], 2, "O"),
-    ],
-)
-def test_decisions_keep_a_plain_dtype_where_one_holds_them_all(classes, extra, kind):
-    decisions, _ = cost_table({(extra, k): 0.5 for k in classes}, classes)
-    assert decisions.dtype.kind == kind
-    assert decisions.tolist() == [*classes, extra]
-
-
 def test_the_mean_cost_is_the_product_with_the_transposed_confusion_matrix():
     rng = np.random.default_rng(0)
     truth, decision = rng.integers(0, 3, 200), rng.integers(0, 3, 200)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 from sklearn.covariance import ledoit_wolf, oas, shrunk_covariance
@@ -33,12 +33,6 @@ def draw(seed, n_recordings=60, n_features=4, n_classes=3):
     return rng.normal(size=(n_recordings, n_features)) @ mixing + codes[:, None], codes
 
 
-def assert_same_moments(first, second):
-    np.testing.assert_allclose(first.counts, second.counts, rtol=1e-13)
-    np.testing.assert_allclose(first.means, second.means, rtol=1e-11, atol=1e-12)
-    np.testing.assert_allclose(first.scatter, second.scatter, rtol=1e-10, atol=1e-10)
-
-
 def test_means_and_covariances_are_those_of_numpy():
     X, codes = draw(0)
     moments = class_moments(X, codes, 3)
@@ -54,37 +48,6 @@ def test_a_tied_covariance_divides_by_recordings_less_classes():
     residuals = X - tied.means[codes]
     expected = residuals.T @ residuals / (60 - 3)
     np.testing.assert_allclose(tied.covariances, [expected], rtol=1e-12)
-
-
-def test_a_diagonal_covariance_is_the_diagonal_of_the_full_one():
-    X, codes = draw(2)
-    for shrinkage in (0.3, "oas"):
-        full = fit(X, codes, "full", shrinkage).covariances
-        variances = fit(X, codes, "diag", shrinkage).covariances
-        np.testing.assert_allclose(variances, np.diagonal(full, axis1=1, axis2=2), rtol=1e-12)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@given(st.lists(st.integers(0, 60), max_size=6), st.integers(0, 1000))
-@settings(max_examples=30)
-def test_moments_of_parts_merge_exactly(kind, cuts, seed):
-    X, codes = draw(seed)
-    X += 1e3
-    merged = class_moments(X[:0], codes[:0], 3, covariance=kind)
-    for part in np.split(np.arange(60), sorted(cuts)):
-        merged = merged.merge(class_moments(X[part], codes[part], 3, covariance=kind))
-    whole = class_moments(X, codes, 3, covariance=kind)
-    assert_same_moments(merged, whole)
-    np.testing.assert_allclose(merged.feature_variances, X.var(axis=0), rtol=1e-9)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_weight_of_k_is_k_recordings_and_zero_is_none(kind):
-    X, codes = draw(3)
-    weight = np.random.default_rng(3).integers(0, 4, 60)
-    weighted = class_moments(X, codes, 3, weight.astype(float), kind)
-    repeated = class_moments(np.repeat(X, weight, axis=0), np.repeat(codes, weight), 3, None, kind)
-    assert_same_moments(weighted, repeated)
 
 
 @given(st.floats(-1e6, 1e6), st.floats(0.1, 7))
@@ -143,23 +106,6 @@ def test_dependent_features_are_singular_in_any_unit(scale):
     X[:, 2] = X[:, 0] - 2 * X[:, 1]
     assert inverse_factor(np.cov((X * [1.0, scale, 1.0]).T)) is None
     assert inverse_factor(np.diag([1.0, 0.0])) is None
-
-
-@pytest.mark.parametrize("diagonal", [False, True])
-def test_the_floor_raises_the_eigenvalues_of_singular_covariances_only(diagonal):
-    X, codes = draw(12)
-    X[codes == 1, 2] = 0.5
-    kind, floor = "diag" if diagonal else "full", 1e-9 * X.var(axis=0).max()
-    raw = fit(X, codes, kind, floored=False)
-    lifted = fit(X, codes, kind)
-    assert not raw.factors[1].any()
-    assert fit(X, codes, kind, 0.0).singular.tolist() == [False, True, False]
-    assert lifted.singular.tolist() == [False, True, False]
-    np.testing.assert_array_equal(lifted.covariances[[0, 2]], raw.covariances[[0, 2]])
-    covariance = np.diag(lifted.covariances[1]) if diagonal else lifted.covariances[1]
-    assert np.linalg.eigvalsh(covariance)[0] == pytest.approx(floor, rel=1e-4)
-    expected = multivariate_normal(lifted.means[1], covariance).logpdf(X)
-    np.testing.assert_allclose(lifted.log_densities(X)[:, 1], expected, rtol=1e-5)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -6,7 +6,7 @@ import pytest
 from sklearn.naive_bayes import GaussianNB
 
 from emacm import CostSensitiveGaussianBayes, LeastRiskClassifier, PosteriorProduct
-from emacm.decisions.truths import label_array, label_list, label_positions
+from emacm.decisions.truths import label_list, label_positions
 
 X = np.array([[0.0, 2.0], [1.0, 0.5], [2.0, 1.0], [4.0, 3.0], [6.0, 2.5]])
 MISSING = [None, np.nan, pd.NA]
@@ -34,39 +34,9 @@ def test_a_recording_without_a_class_is_named(fit, form, missing):
 
 
 @pytest.mark.parametrize("fit", FITS)
-@pytest.mark.parametrize(
-    "labels",
-    [
-        pd.Series(["new", "new", "worn", pd.NA, "worn"], dtype="string"),
-        pd.Series(["new", "new", "worn", None, "worn"], dtype="category"),
-        pd.Series([0, 0, 1, pd.NA, 1], dtype="Int64"),
-        np.array(["2024-01-01", "2024-01-01", "2024-01-02", "NaT", "2024-01-02"], "datetime64[D]"),
-        np.array([0.0, 0.0, 1.0, np.nan, 1.0]),
-    ],
-    ids=["string", "category", "Int64", "datetime64", "float"],
-)
-def test_a_missing_class_in_a_typed_column_is_named(fit, labels):
-    with pytest.raises(ValueError, match=r"position 3 has .*Leave such entries out"):
-        FITS[fit](labels)
-
-
-@pytest.mark.parametrize("fit", FITS)
 def test_text_and_numbers_are_not_mixed(fit):
     with pytest.raises(TypeError, match="position 0 has 'new' and position 4 has 7"):
         FITS[fit](["new", "worn", "worn", "worn", 7])
-
-
-def test_mixed_labels_keep_their_types():
-    assert label_list([0, "inspect"]) == [0, "inspect"]
-    assert label_list(np.array([2, 1])) == [2, 1]
-    assert label_array([0, "inspect"]).dtype == object
-    assert label_array(["b", "a"]).dtype.kind == "U"
-    assert label_array([2, 1]).dtype.kind == "i"
-    assert label_array([2, 1], np.array([1, 2], np.int16)).dtype == np.int16
-    assert label_array([True, False]).tolist() == [True, False]
-    assert label_array([]).tolist() == label_array([], [1, 2]).tolist() == []
-    assert label_array([], np.array([1, 2], np.int16)).dtype == np.int16
-    assert label_array(["b", 1], ["b", "a"]).tolist() == ["b", 1]
 
 
 def test_labels_form_one_dimension():

@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 from sklearn.base import BaseEstimator, ClassifierMixin, clone
 from sklearn.calibration import CalibratedClassifierCV
-from sklearn.ensemble import RandomForestClassifier
 from sklearn.exceptions import DataConversionWarning
 from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import LogisticRegression, RidgeClassifier
@@ -20,11 +19,9 @@ from sklearn.tree import DecisionTreeClassifier
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm import (
-    ConditionRouter,
     CostSensitiveGaussianBayes,
     LeastRiskClassifier,
     PosteriorProduct,
-    evaluate,
     neg_expected_cost,
 )
 
@@ -92,33 +89,6 @@ def test_costs_and_priors_set_after_fit_equal_those_of_a_refit(kind):
     for cost, priors in zip(COSTS.values(), itertools.cycle(PRIORS[1:])):
         model.set_params(cost=cost, priors=priors)
         assert_same(model, clone(model).fit(X, Y))
-
-
-@pytest.mark.parametrize(("covariance", "shrinkage"), [k for k in KINDS if k[1] != "auto"])
-def test_after_partial_fit_they_take_effect_as_well(covariance, shrinkage):
-    model = CostSensitiveGaussianBayes(covariance=covariance, shrinkage=shrinkage)
-    parts = np.array_split(np.arange(len(X)), 3)
-    for part in parts:
-        model.partial_fit(X[part], Y[part], sorted(STATES))
-    model.set_params(cost=COSTS["mapping"], priors=PRIORS[2])
-    other = clone(model)
-    for part in parts:
-        other.partial_fit(X[part], Y[part], sorted(STATES))
-    assert_same(model, other)
-
-
-def test_they_are_set_in_a_fitted_pipeline():
-    pipe = make_pipeline(StandardScaler(), CostSensitiveGaussianBayes()).fit(X, Y)
-    before = pipe.predict(LATER)
-    names = {
-        "costsensitivegaussianbayes__cost": COSTS["mapping"],
-        "costsensitivegaussianbayes__priors": "uniform",
-    }
-    after = pipe.set_params(**names).predict(LATER)
-    np.testing.assert_array_equal(after, clone(pipe).fit(X, Y).predict(LATER))
-    assert (after != before).any()
-    assert pipe[-1].cost_[1].tolist() == [4, 0, 30]
-    assert neg_expected_cost(pipe, LATER, Y_LATER) < 0
 
 
 def test_a_decision_that_a_later_cost_adds_or_removes():
@@ -193,31 +163,6 @@ def test_a_calibrated_classifier_decides_by_cost():
     assert "inspect" in model.predict(LATER)
 
 
-def test_weights_reach_the_estimator_and_its_prior():
-    weight = np.arange(len(Y)) % 3
-    for estimator in (GaussianNB(), make_pipeline(StandardScaler(), LogisticRegression())):
-        model = LeastRiskClassifier(estimator, priors="uniform").fit(X, Y, weight)
-        repeated = LeastRiskClassifier(estimator, priors="uniform")
-        repeated.fit(np.repeat(X, weight, axis=0), np.repeat(Y, weight))
-        np.testing.assert_allclose(model.estimator_priors_, repeated.estimator_priors_)
-    np.testing.assert_allclose(
-        LeastRiskClassifier(GaussianNB()).fit(X, Y, weight).predict_proba(LATER),
-        LeastRiskClassifier(GaussianNB())
-        .fit(np.repeat(X, weight, axis=0), np.repeat(Y, weight))
-        .predict_proba(LATER),
-        rtol=1e-6,
-    )
-
-
-def test_arguments_of_fit_reach_a_step():
-    pipe = make_pipeline(StandardScaler(), GaussianNB())
-    weight = np.arange(len(Y)) % 4
-    direct = LeastRiskClassifier(pipe).fit(X, Y, gaussiannb__sample_weight=weight)
-    np.testing.assert_allclose(direct.estimator_priors_.sum(), 1)
-    expected = clone(pipe).fit(X, Y, gaussiannb__sample_weight=weight).predict_proba(LATER)
-    np.testing.assert_allclose(direct.predict_proba(LATER), expected)
-
-
 def test_a_search_inside_and_outside():
     grid = {"var_smoothing": [1e-9, 0.3]}
     inside = LeastRiskClassifier(GridSearchCV(GaussianNB(), grid), COSTS["mapping"]).fit(X, Y)
@@ -231,16 +176,6 @@ def test_a_search_inside_and_outside():
     )
     outside.fit(X, Y, groups=np.arange(len(Y)) % 7)
     assert outside.best_score_ < 0
-
-
-def test_the_router_and_evaluate_take_it():
-    table = pd.DataFrame(X, columns=["a", "b", "c"]).assign(load=np.where(X[:, 2] > 0.4, 40, 20))
-    model = LeastRiskClassifier(RandomForestClassifier(5, random_state=0), COSTS["mapping"])
-    router = ConditionRouter(model, "load").fit(table, Y)
-    assert router.cost_[1].tolist() == [4, 0, 30]
-    assert router.risk(table).shape == (43, 3)
-    found = evaluate(model, X, Y, n_splits=3)
-    assert found.table["expected_cost"].iloc[0] > 0
 
 
 @pytest.mark.parametrize(

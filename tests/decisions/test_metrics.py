@@ -88,14 +88,6 @@ def test_a_class_decided_for_another_of_its_family_is_correct():
     assert found.tolist() == [True, False, True]
 
 
-@pytest.mark.parametrize(("gap", "equal"), [(0.9e-12, True), (1.1e-12, False)])
-@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
-def test_costs_are_equal_but_for_rounding_of_the_largest(gap, equal, scale):
-    cost = scale * np.array([[-4.0, 1.0], [-4.0 + 4 * gap, 0.0]])
-    found = correct_decisions(["a", "b"], [0, 1], cost)
-    assert found == {0: ("a", "b") if equal else ("a",), 1: ("b",), "a": ("a",), "b": ("b",)}
-
-
 def test_families_and_their_states_have_the_family_as_the_correct_decision():
     correct = correct_families({"dry 1": "dry", "dry 2": "dry", "new": "new"})
     assert list(correct) == ["dry 1", "dry 2", "new", "dry"]

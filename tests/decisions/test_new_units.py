@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 from scipy.linalg import eigh
 from scipy.optimize import brentq
-from scipy.special import softmax
 from scipy.stats import multivariate_normal
 from sklearn.covariance import shrunk_covariance
 from sklearn.utils.estimator_checks import parametrize_with_checks
@@ -81,23 +80,6 @@ def dense(n_features=2, crossed=True, seed=3, spread=2.0, apart=3.0):
     return X, codes, units, np.eye(3)[codes], np.eye(7)[units]
 
 
-def projector(columns):
-    return columns @ np.linalg.pinv(columns)
-
-
-@pytest.mark.parametrize("crossed", [False, True])
-def test_mean_squares_are_those_of_projections(crossed):
-    X, codes, units, C, Z = dense(crossed=crossed)
-    of_classes, of_both = projector(C), projector(np.hstack([C, Z]))
-    rank = round(np.trace(of_both))
-    parts = unit_scatter(X, codes, units)
-    np.testing.assert_allclose(parts.within, X.T @ (np.eye(18) - of_both) @ X / (18 - rank))
-    np.testing.assert_allclose(parts.between, X.T @ (of_both - of_classes) @ X / (rank - 3))
-    # The trace is that of Z'(I - P)Z: the expected mean square between units is W + n B.
-    multiplicity = np.trace(Z.T @ (np.eye(18) - of_classes) @ Z) / (rank - 3)
-    assert (parts.between_divisor, parts.multiplicity) == (rank - 3, pytest.approx(multiplicity))
-
-
 @pytest.mark.parametrize("crossed", [False, True])
 @pytest.mark.parametrize(("spread", "apart"), [(0.0, 3.0), (2.0, 3.0), (20.0, 3.0), (2.0, 0.0)])
 def test_levels_are_those_of_generalised_least_squares_with_dense_matrices(crossed, spread, apart):
@@ -147,27 +129,6 @@ def test_densities_of_a_unit_are_those_of_scipy():
     assert gaussians.singular.tolist() == [False] * 3
 
 
-@pytest.mark.parametrize("n_features", [1, 3])
-def test_units_without_a_difference_have_the_covariance_within_classes(n_features):
-    rng = np.random.default_rng(4)
-    units, codes = np.repeat(np.arange(6), 4), np.repeat([0, 1, 0, 1, 0, 1], 4)
-    X = rng.normal(size=(24, n_features))
-    X -= np.array([X[units == unit].mean(axis=0) for unit in range(6)])[units]
-    X += 5 * codes[:, np.newaxis]
-    plain = np.cov(rng.normal(size=(9, n_features)).T).reshape(n_features, n_features)
-    levels = fit_unit_levels(X, codes, units, plain, 0.0)
-    assert not levels.variances.any()
-    assert not levels.between.any()
-    np.testing.assert_allclose(levels.within, plain)
-    # Differences between classes are shrunk, the level of all of them is not.
-    levels_of_classes = levels.directions @ levels.means
-    np.testing.assert_allclose(levels_of_classes.mean(axis=1), 2.5)
-    fitted = NewUnitClassifier().fit(X, codes, groups=units)
-    tied = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto").fit(X, codes)
-    np.testing.assert_array_equal(fitted.covariances_, tied.covariances_)
-    np.testing.assert_array_equal(fitted.predict_proba(X), tied.predict_proba(X))
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("crossed", [False, True])
 def test_sets_of_50_units_cover_90_percent(crossed):
@@ -208,26 +169,6 @@ def test_the_threshold_is_the_quantile_of_units_with_equal_weights():
     assert probability_threshold(*nine, even, 1.0, 0.9) == pytest.approx(0.05)
     with pytest.raises(ValueError, match=r"10 units cannot .* at least 19; .* at most 0.909"):
         probability_threshold(*left_out, even, 1.0, 0.95)
-
-
-def test_the_threshold_weights_classes_by_priors_and_cools_densities():
-    rng = np.random.default_rng(8)
-    logs, codes = 3 * rng.normal(size=(40, 3)), np.tile([0, 1, 1, 2], 10)
-    logs[codes != 2, 2] = -np.inf
-    units = 3 * rng.permutation(np.arange(40) // 2)
-    priors = np.array([0.7, 0.1, 0.2])
-    posterior = softmax(logs / 2.5 + np.log(priors), axis=1)
-    own = posterior[np.arange(40), codes]
-    own[codes == posterior.argmax(axis=1)] = 1.0
-    weight = 1 / np.array([np.sum(units == unit) for unit in units])
-    weight *= (priors / [weight[codes == k].sum() for k in range(3)])[codes]
-    assert weight.sum() == pytest.approx(1)
-    left_out = logs, codes, units
-    for coverage in (0.6, 0.8, 0.95):
-        enough = [p for p in own if weight[own >= p].sum() >= coverage]
-        assert probability_threshold(*left_out, priors, 2.5, coverage) == max(enough)
-    with pytest.raises(ValueError, match=r"20 units cannot support .* at least 24; .* most 0\.952"):
-        probability_threshold(*left_out, priors, 2.5, 0.96)
 
 
 @pytest.mark.slow

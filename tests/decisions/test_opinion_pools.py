@@ -1,8 +1,6 @@
 """Facts about posteriors brought to one."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.special import logsumexp
 
 from emacm.decisions.risks import pooled_log_posterior
@@ -55,21 +53,6 @@ def test_two_copies_of_one_member_square_the_odds_of_its_evidence():
     one = np.log([[0.2, 0.8]])
     np.testing.assert_allclose(
         np.exp(np.diff(pooled_log_posterior([one, one], [HALF, HALF], HALF))), 16.0, rtol=1e-13
-    )
-
-
-@given(st.permutations(range(3)), st.permutations(range(4)))
-@settings(max_examples=30)
-def test_the_order_of_members_and_of_classes_does_not_matter(members, classes):
-    rng = np.random.default_rng(3)
-    logs, own = normal(rng, 3, 7, 4), rng.dirichlet(np.ones(4), size=3)
-    shared = rng.dirichlet(np.ones(4))
-    np.testing.assert_allclose(
-        pooled_log_posterior(
-            logs[members][..., classes], own[members][:, classes], shared[classes]
-        ),
-        pooled_log_posterior(logs, own, shared)[:, classes],
-        rtol=1e-12,
     )
 
 

@@ -1,6 +1,5 @@
 """Facts about the product of posteriors: one classifier per channel, one diagnosis."""
 
-import joblib
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,13 +10,11 @@ from sklearn.calibration import CalibratedClassifierCV
 from sklearn.compose import make_column_selector, make_column_transformer
 from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 from sklearn.ensemble import (
-    StackingClassifier,
     VotingClassifier,
 )
 from sklearn.linear_model import LogisticRegression, RidgeClassifier
 from sklearn.model_selection import (
     GridSearchCV,
-    cross_val_predict,
 )
 from sklearn.naive_bayes import GaussianNB
 from sklearn.neighbors import KNeighborsClassifier
@@ -118,34 +115,7 @@ def test_of_any_channels_it_is_bayes_rule_with_block_diagonal_covariances():
     np.testing.assert_allclose(fused.predict_proba(X), expected, atol=1e-10)
 
 
-def test_a_channel_given_twice_squares_its_odds():
-    X, y = table(5)
-    members = [("a", seeing("current", GaussianNB())), ("b", seeing("current", GaussianNB()))]
-    single = members[0][1].fit(X, y).predict_proba(X)
-    twice = PosteriorProduct(members).fit(X, y)
-    # Uniform prior: the product squares the odds, and the most probable stays the same.
-    np.testing.assert_allclose(
-        twice.predict_proba(X), single**2 / (single**2).sum(axis=1, keepdims=True), atol=1e-12
-    )
-    assert (twice.predict_proba(X).max(axis=1) > single.max(axis=1)).all()
-
-
 # Priors
-
-
-def test_members_trained_with_other_priors_agree_once_those_in_service_are_stated():
-    X, y = table(6)
-    service = {"dry 1": 0.01, "dry 2": 0.01, "healthy": 0.97, "spall": 0.01}
-    told = product(CostSensitiveGaussianBayes(priors=service)).fit(X, y)
-    mixed = product(priors=service)
-    mixed.set_params(
-        current__costsensitivegaussianbayes__priors="uniform",
-        position__costsensitivegaussianbayes__priors=[0.7, 0.1, 0.1, 0.1],
-    ).fit(X, y)
-    np.testing.assert_allclose(mixed.member_priors_, [[0.25] * 4, [0.7, 0.1, 0.1, 0.1]])
-    np.testing.assert_allclose(
-        mixed.predict_log_proba(X), told.predict_log_proba(X), rtol=1e-10, atol=1e-10
-    )
 
 
 @pytest.mark.parametrize(
@@ -231,53 +201,6 @@ def test_a_search_chooses_parameters_of_members():
     assert search.fit(X, y).best_params_ == {"a__gaussiannb__var_smoothing": 1e-9}
 
 
-def test_a_saved_product_gives_the_same_risks(tmp_path):
-    X, y = table(14)
-    fused = product(cost=FAMILIES).fit(X, y)
-    joblib.dump(fused, tmp_path / "model.joblib")
-    loaded = joblib.load(tmp_path / "model.joblib")
-    np.testing.assert_array_equal(loaded.risk(X), fused.risk(X))
-
-
-# Weights and other metadata
-
-
-def test_a_weight_of_two_is_a_recording_twice():
-    X, y = table(17)
-    weight = np.where(np.arange(len(y)) % 3, 1, 2)
-    weighted = product(cost=FAMILIES).fit(X, y, sample_weight=weight)
-    twice = product(cost=FAMILIES).fit(X.loc[X.index.repeat(weight)], np.repeat(y, weight))
-    np.testing.assert_allclose(weighted.risk(X), twice.risk(X), rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(weighted.priors_, twice.priors_)
-
-
-# Stacking
-
-
-@pytest.mark.parametrize(
-    "named",
-    [
-        CostSensitiveGaussianBayes(FAMILIES),
-        CostSensitiveGaussianBayes({("healthy", "spall"): 9}),
-        CostSensitiveGaussianBayes(priors=dict.fromkeys(STATES, 0.25)),
-    ],
-)
-def test_where_scikit_learn_numbers_the_classes_the_message_gives_the_remedy(named):
-    X, y = table(19)
-    plain, hint = CostSensitiveGaussianBayes(shrinkage=0.1), "by numbers .*LeastRiskClassifier"
-    for numbering in (
-        StackingClassifier([("all", named)], plain),
-        StackingClassifier([("all", plain)], named),
-        VotingClassifier([("all", named)]),
-    ):
-        with pytest.raises(ValueError, match=hint):
-            numbering.fit(X, y)
-    with pytest.raises(ValueError, match=hint):
-        cross_val_predict(named, X, y, method="predict_proba")
-    with pytest.raises(ValueError, match=hint):
-        CalibratedClassifierCV(named, ensemble=False).fit(X, y)
-
-
 # Recordings
 
 
@@ -311,19 +234,6 @@ def features(**options):
 
 
 GAUSSIAN = CostSensitiveGaussianBayes(covariance="tied", shrinkage=0.1)
-
-
-def test_members_that_resample_one_channel_and_members_that_choose_columns_are_the_same(fleet):
-    X, y = fleet
-    each = PosteriorProduct(
-        [
-            (name, make_pipeline(features(channels=[name]), GAUSSIAN))
-            for name in ("current", "position")
-        ]
-    ).fit(X, y)
-    once = make_pipeline(features().set_output(transform="pandas"), product(GAUSSIAN)).fit(X, y)
-    np.testing.assert_allclose(each.predict_proba(X), once.predict_proba(X), atol=1e-10)
-    assert each.score(X, y) == 1
 
 
 def test_what_members_explain_adds_up_to_the_log_odds_of_the_product(fleet):

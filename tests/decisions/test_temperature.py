@@ -47,23 +47,6 @@ def test_over_confident_densities_have_a_proportional_temperature(seed, factor):
         )
 
 
-def test_a_constant_for_all_classes_of_a_recording_changes_nothing():
-    scores, codes, weight, priors = draw(1)
-    moved = scores + 1e3 * np.random.default_rng(1).normal(size=(len(scores), 1))
-    assert fit_temperature(moved, codes, weight, priors) == pytest.approx(
-        fit_temperature(scores, codes, weight, priors)
-    )
-
-
-def test_weights_equal_repetitions():
-    scores, codes, _, priors = draw(2)
-    weight = np.random.default_rng(2).integers(1, 4, len(codes))
-    repeated = np.repeat(scores, weight, axis=0), np.repeat(codes, weight)
-    assert fit_temperature(scores, codes, weight.astype(float), priors) == pytest.approx(
-        fit_temperature(*repeated, np.ones(weight.sum()), priors)
-    )
-
-
 def test_a_class_that_a_model_does_not_contain_takes_no_part():
     scores, codes, weight, priors = draw(3)
     scores[codes == 0, 1] = -np.inf

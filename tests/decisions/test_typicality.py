@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose, assert_array_equal
-from scipy.special import logsumexp, pseudo_huber
+from numpy.testing import assert_allclose
 
-from emacm.calibration.left_out import peaks_over_threshold, student_tail
 from emacm.decisions.gaussians import class_gaussians, class_moments
 from emacm.decisions.typicality import fit_typicality
 
@@ -131,82 +129,6 @@ def test_a_constant_feature_is_no_obstacle_and_its_change_is_found():
     changed[:, -1] = 9e3
     assert np.median(typicality(X)) > 0.3
     assert (typicality(changed) < 0.01).all()
-
-
-def plain_logs(known, X, present):
-    """Logarithms of the squared distances inside, outside and of the largest deviation."""
-    gaussians = pooled_gaussians(known)
-    S, means = gaussians.covariances[0], gaussians.means[present]
-    root = np.linalg.cholesky(np.linalg.inv(S))
-    centred = (means - means.mean(axis=0)) @ root
-    axes = np.linalg.qr(centred.T)[0][:, : len(means) - 1] if len(means) > 1 else root[:, :0]
-    offsets = (X[:, np.newaxis] - means) @ root
-    inside = np.sum((offsets @ axes) ** 2, axis=2)
-    total = S.diagonal() + means.var(axis=0)
-    pairs = set(zip(known.codes, known.groups, strict=True))
-    degrees = len(pairs) - len(set(known.codes))
-    expected = np.mean(S.diagonal() / total) * total
-    deviations = np.sqrt((degrees * S.diagonal() + 3 * expected) / (degrees + 3))
-    away = (X - means[inside.argmin(axis=1)]) / deviations
-    # The pseudo-Huber function of scipy.special is half the square, and has the unit of its first
-    # argument squared.
-    reduced = np.sign(away) * np.sqrt(2 * pseudo_huber(3.0, away)) * deviations @ root
-    outside = np.sum(reduced**2, axis=1) - np.sum((reduced @ axes) ** 2, axis=1)
-    every = np.full((len(X), known.n_classes), np.inf)
-    every[:, present] = inside
-    return np.log(every + 1e-3), np.log(outside + 1e-3), np.log((away**2).max(axis=1) + 1e-3)
-
-
-def plain_typicality(training, new):
-    """Typicality as the module describes it, by separate fits without each group."""
-    n, codes, weight = len(training.X), training.codes, training.weight
-    logs = [np.empty((n, training.n_classes)), np.empty(n), np.empty(n)]
-    judged = np.zeros(n, bool)
-    for group in np.unique(training.groups):
-        rows, rest = training.groups == group, training.take(training.groups != group)
-        present = np.unique(rest.codes)
-        for found, part in zip(logs, plain_logs(rest, training.X[rows], present), strict=True):
-            found[rows] = part
-        judged[rows] = np.isin(codes[rows], present)
-    logs, codes, weight = [part[judged] for part in logs], codes[judged], weight[judged]
-    own = [logs[0][np.arange(len(codes)), codes], *logs[1:]]
-    fresh = plain_logs(training, new, np.arange(training.n_classes))
-    directions = training.n_classes - 1
-    used = [directions > 0, directions < training.X.shape[1], True]
-    slopes = (1.0, 0.6, 1.5) if directions else (None, 1.0, 1.0)
-    terms, terms_of_new = [], []
-    for number, expected in enumerate((0.5, 0.15, 0.2)):
-        values, mean = own[number], np.average(own[number], weights=weight)
-        levels = np.full(training.n_classes, mean)
-        for k in np.unique(codes):
-            n_groups = len(np.unique(training.groups[judged][codes == k]))
-            of_class = np.average(values[codes == k], weights=weight[codes == k])
-            levels[k] = (mean + n_groups * of_class) / (1 + n_groups)
-        peaks = peaks_over_threshold(values - levels[codes], weight, expected, 5.0)
-        if used[number]:
-            for found, part in ((terms, logs[number]), (terms_of_new, fresh[number])):
-                above = (part if number == 0 else part[:, np.newaxis]) - levels - peaks.threshold
-                above = above * slopes[number] / peaks.mean_excess - (0, 0, 8)[number]
-                found.append(above + np.zeros((1, training.n_classes)))
-    combined = [logsumexp(found, axis=0).min(axis=1) for found in (terms, terms_of_new)]
-    return student_tail(combined[0], weight, 0.85).survival(combined[1])
-
-
-@pytest.mark.parametrize(
-    ("n_classes", "n_features"), [(3, 6), (2, 4), (2, 1), (3, 2), (4, 2), (1, 3), (1, 1)]
-)
-@pytest.mark.parametrize("of_last", [4, 1])  # groups of the last class
-def test_typicality_is_that_of_separate_fits_and_plain_formulas(n_classes, n_features, of_last):
-    X, codes, groups = draw(15, 7, n_features, n_classes)
-    kept = (codes != n_classes - 1) | (groups < of_last) if n_classes > 1 else groups < 7
-    kept &= np.random.default_rng(3).random(len(X)) < 0.7
-    X, codes, groups = X[kept], codes[kept], groups[kept]
-    training = Training(X, codes, groups, np.ones(len(X)), n_classes)
-    new = draw(16, 3, n_features, n_classes)[0] * np.linspace(0.5, 2, 15 * n_classes)[:, np.newaxis]
-    typicality = fit(X, codes, groups)
-    assert_allclose(typicality(new), plain_typicality(training, new), rtol=1e-5)
-    assert typicality.used.tolist() == [n_classes > 1, n_features >= n_classes, True]
-    assert_array_equal(typicality.feature_range, [X.min(axis=0), X.max(axis=0)])
 
 
 def test_the_distance_to_one_class_has_the_slope_of_its_gradient():

@@ -1,13 +1,9 @@
 """Facts about classifiers with an unknown state: decisions, costs, priors, compositions."""
 
-import joblib
 import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import clone
-from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
 
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
@@ -129,17 +125,6 @@ def test_costs_that_are_not_stated_have_defaults():
     np.testing.assert_array_equal(table[-1, :-1], 1)
 
 
-def test_stated_costs_of_the_unknown_state_are_taken_in_every_form():
-    rows = [*CLASSES, "new"]
-    matrix = np.arange(16.0).reshape(4, 4)
-    frame = pd.DataFrame(matrix, rows, rows)
-    mapping = {(d, t): matrix[i, k] for i, d in enumerate(rows) for k, t in enumerate(rows)}
-    for cost in (matrix, frame.sample(frac=1, axis=1, random_state=0), mapping):
-        decisions, table = cost_table(cost, CLASSES, "new")
-        assert decisions.tolist() == rows
-        np.testing.assert_array_equal(table, matrix)
-
-
 @pytest.mark.parametrize("form", ["frame", "mapping"])
 def test_what_is_stated_of_the_unknown_state_replaces_its_defaults(form):
     inspect = {("look", state): 0.3 for state in CLASSES}
@@ -204,33 +189,6 @@ def test_priors_may_contain_the_unknown_state():
 # Compositions
 
 
-def by_units(units, step="costsensitivegaussianbayes"):
-    return {f"{step}__groups": units}
-
-
-def test_it_works_in_pipelines_and_searches_with_groups():
-    X, y, units = draw(7)
-    pipe = make_pipeline(StandardScaler(), clone(fitted()))
-    grid = {
-        "costsensitivegaussianbayes__shrinkage": [0.1, "auto"],
-        "costsensitivegaussianbayes__temperature": ["groups", 1.0],
-    }
-    search = GridSearchCV(
-        pipe, grid, cv=GroupKFold(3), scoring=neg_expected_cost, error_score="raise"
-    )
-    search.fit(X, y, groups=units, **by_units(units))
-    assert search.predict(FAR) == ["unknown"]
-    scores = cross_validate(
-        pipe, X, y, groups=units, cv=GroupKFold(3), params=by_units(units), error_score="raise"
-    )
-    assert scores["test_score"].min() > 0.8
-    alone = clone(fitted()).fit(StandardScaler().fit_transform(X), y, groups=units)
-    np.testing.assert_allclose(
-        pipe.fit(X, y, **by_units(units))[-1].typicality(pipe[:-1].transform(X)),
-        alone.typicality(StandardScaler().fit_transform(X)),
-    )
-
-
 def test_a_router_splits_groups_by_condition():
     X, y, units = draw(8, n_units=10)
     table = pd.DataFrame(X, columns=list("abcd")).assign(load=np.tile([20, -40], len(X))[: len(X)])
@@ -249,33 +207,6 @@ def test_a_router_splits_groups_by_condition():
     assert router.unknown_proba(far) > 0.9
     assert router.typicality(far) < 1e-3
     assert not hasattr(ConditionRouter(CostSensitiveGaussianBayes(), "load"), "unknown_proba")
-
-
-@pytest.mark.parametrize("form", ["array", "mapping"])
-def test_a_router_with_a_class_in_one_condition_only_narrows_costs_and_priors(form):
-    X, y, units = draw(20, n_units=10)
-    table = pd.DataFrame(X, columns=list("abcd")).assign(load=np.tile([20, -40], len(X))[: len(X)])
-    kept = ~((y == "worn") & (table["load"] == 20).to_numpy())
-    table, y, units = table[kept], y[kept], units[kept]
-    rows = [*CLASSES, "unknown"]
-    cost, priors = 5.0 * (1 - np.eye(4)), np.array([0.2, 0.5, 0.25, 0.05])
-    if form == "mapping":
-        cost = {(d, t): cost[i, k] for i, d in enumerate(rows) for k, t in enumerate(rows)}
-        priors = dict(zip(rows, priors, strict=True))
-    model = fitted().set_params(cost=cost, priors=priors)
-    router = ConditionRouter(clone(model), "load").fit(table, y, groups=units)
-    assert router.estimators_[20].unknown_prior_ == pytest.approx(0.05 / 0.75)
-    assert router.cost_.shape == (4, 4)
-    assert router.score(table, y) > 0.8
-
-
-def test_it_survives_a_dump_and_load(tmp_path):
-    model = fitted()
-    joblib.dump(model, tmp_path / "model")
-    X = np.vstack([draw(10)[0], FAR])
-    np.testing.assert_array_equal(
-        joblib.load(tmp_path / "model").unknown_proba(X), model.unknown_proba(X)
-    )
 
 
 # Fitting
@@ -354,20 +285,6 @@ def test_a_temperature_needs_a_class_whose_covariance_remains_without_a_group():
         model.fit(X, y, groups=[0, 1, 2, 2, 2])
     tied = clone(model).set_params(covariance="tied").fit(X, y, groups=[0, 1, 2, 2, 2])
     assert tied.temperature_ > 0
-
-
-def test_recordings_without_weight_take_no_part_in_the_calibration():
-    X, y, units = draw(20)
-    X = np.vstack([X, 9 * FAR, 5 * FAR, X[:5] + 3])
-    y, units = np.append(y, ["worn", "dry", *y[:5]]), np.append(units, ["u1", "u2", *units[:5]])
-    weight = np.ones(len(X))
-    weight[63:] = 0.0
-    model = CostSensitiveGaussianBayes(shrinkage=0.1, unknown="unknown", temperature="groups")
-    weighted = clone(model).fit(X, y, weight, groups=units)
-    without = clone(model).fit(X[:63], y[:63], groups=units[:63])
-    assert weighted.temperature_ == pytest.approx(without.temperature_)
-    np.testing.assert_allclose(weighted.typicality(X), without.typicality(X))
-    np.testing.assert_array_equal(weighted.feature_range_, without.feature_range_)
 
 
 def test_groups_of_another_length_or_with_gaps_are_errors():

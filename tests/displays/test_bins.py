@@ -32,18 +32,6 @@ def test_one_group_is_bars_between_exact_edges_that_end_at_their_level():
     assert ax.get_ylabel() == "power of current [dB re 1 A²]"
 
 
-def test_several_groups_are_steps_that_end_where_a_bin_is_missing():
-    (ax,) = axes()
-    OrderBinsDisplay.from_table(table(), labels=["new", "worn"], ax=ax)
-    new, worn = ax.lines
-    x, y = worn.get_data()
-    assert x.tolist() == [0, 0.5, 0.5, 2, 3, 3, 4]
-    assert np.allclose(y[:4], 10 * np.log10([3, 3, 10, 10]))
-    assert np.isnan(y[4])
-    assert [line.get_label() for line in (new, worn)] == ["new", "worn"]
-    assert new.get_linestyle() != worn.get_linestyle()
-
-
 def test_stop_bands_are_hatched_and_named():
     (ax,) = axes()
     OrderBinsDisplay.from_table(table(), labels=["a", "b"], stop_bands=((2, 3),), ax=ax)

@@ -35,16 +35,3 @@ def test_an_ellipse_holds_its_share_of_the_recordings(ax):
     ):
         inside = line.get_path().contains_points(X[y == of_class])
         assert abs(inside.mean() - share) < 0.02
-
-
-def test_classes_differ_by_marker_and_line_and_have_one_entry_each(ax):
-    X, y = two_classes(20)
-    model = CostSensitiveGaussianBayes().fit(X, y)
-    FeatureDensityDisplay.from_estimator(model, X, y, names=("a [V]", "b [V]"), ax=ax)
-    legend = ax.get_legend()
-    assert [text.get_text() for text in legend.get_texts()] == ["healthy", "worn"]
-    assert legend.get_title().get_text() == "ellipses: 50 and 90 % of a class"
-    assert ax.lines[0].get_linestyle() != ax.lines[2].get_linestyle()
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("a [V]", "b [V]")
-    drawn = np.concatenate([marks.get_offsets() for marks in ax.collections])
-    assert np.array_equal(drawn, X)

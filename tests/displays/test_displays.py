@@ -152,26 +152,6 @@ def test_healthy_has_its_colour_and_the_first_place_of_the_legend(display):
     assert COLOURS[0] in others or isinstance(display, DecisionRegionsDisplay)
 
 
-def test_a_legend_stands_above_a_title_even_if_it_is_set_later():
-    ax = Figure(layout="constrained").subplots()
-    ExplainedVarianceDisplay([0.7, 0.2]).plot(ax=ax)
-    ax.set_title("two lines\nof a title")
-    ax.figure.draw_without_rendering()
-    title, legend = ax.title.get_window_extent(), ax.get_legend().get_window_extent()
-    assert ax.get_window_extent().y1 < title.y0 < title.y1 < legend.y0
-
-
-@each
-def test_a_legend_stands_above_the_axes_and_is_no_wider(display):
-    display, axes = drawn(display)
-    legend = axes[0].get_legend()
-    if legend is not None:
-        display.figure_.draw_without_rendering()
-        inside, outside = axes[0].get_window_extent(), legend.get_window_extent()
-        assert outside.y0 > inside.y1
-        assert outside.x1 <= inside.x1
-
-
 def test_all_displays_are_public():
     tested = {type(display).__name__ for display in ONE_OF_EACH}
     assert tested == {name for name in displays.__all__ if name.endswith("Display")}

@@ -46,25 +46,6 @@ def found(model=None, **options):
     return evaluate(model, X, y, runs=runs, healthy="normal", **options)
 
 
-def test_a_figure_stands_at_its_share_in_per_cent_on_the_line_of_its_limits():
-    panels = axes(2)
-    EvaluationDisplay(TABLE, CONFUSION).plot(ax=panels)
-    points = {line.get_label(): line for line in panels[0].lines}
-    assert np.allclose(points["balanced accuracy"].get_xdata()[:2], [90, 60])
-    segments = panels[0].collections[0].get_segments()
-    assert np.allclose(segments[1][:, 0], [40, 80])
-    assert segments[1][0, 1] == points["balanced accuracy"].get_ydata()[1]
-    assert panels[0].get_xlabel() == "share of the recordings [%]"
-
-
-def test_schemes_are_named_with_the_groups_their_limits_rest_on():
-    panels = axes(2)
-    EvaluationDisplay(TABLE, CONFUSION).plot(ax=panels)
-    names = [label.get_text() for label in panels[0].get_yticklabels()]
-    assert names == ["random split\n(runs: 7)", "by run\n(runs: 7)", "by unit"]
-    assert panels[0].get_ylim()[0] > panels[0].get_ylim()[1]  # the first on top
-
-
 def test_the_confusion_counts_and_is_shaded_by_columns():
     panels = axes(2)
     EvaluationDisplay(TABLE, CONFUSION, scheme="by run").plot(ax=panels)
@@ -118,18 +99,3 @@ def test_the_three_rates_are_drawn_separately():
     assert points["false alarms (of healthy)"] == 30
     assert points["inspections (of healthy)"] == 45
     assert points["missed detections (of faulty)"] == 5
-
-
-def test_the_healthy_class_is_the_first_row_and_column_of_the_confusion():
-    counts = pd.DataFrame(
-        [[5, 1, 0], [2, 7, 4], [0, 3, 6]],
-        index=["dry", "new", "worn"],
-        columns=["dry", "new", "worn"],
-    )
-    panels = axes(2)
-    display = EvaluationDisplay(TABLE, counts, healthy="new").plot(ax=panels)
-    assert (
-        list(display.confusion.index) == list(display.confusion.columns) == ["new", "dry", "worn"]
-    )
-    assert [text.get_text() for text in panels[1].texts] == ["7", "2", "4", "1", "5", "3", "6"]
-    assert [t.get_text() for t in panels[1].get_xticklabels()] == ["new", "dry", "worn"]

@@ -51,29 +51,8 @@ def test_a_fault_that_is_called_healthy_is_missed_even_without_healthy_units():
     assert counts.loc["all recordings", ["correct", "missed detection"]].tolist() == [1, 2]
 
 
-def test_conditions_are_drawn_in_the_order_given_from_top_to_bottom():
-    (ax,) = axes()
-    display = counted(
-        [HEALTHY, WORN, WORN], [HEALTHY, WORN, HEALTHY], conditions=["warm", "cold", "cold"], ax=ax
-    )
-    assert display.frame().index.tolist() == ["warm", "cold"]
-    heights = [label.get_position()[1] for label in ax.get_yticklabels()]
-    assert heights == [0, 1]
-    assert ax.get_ylim()[0] > ax.get_ylim()[1]
-
-
 SUB_STATES = [HEALTHY, "worn1", "worn2", "spalled1", "worn1"]
 FAMILIES = {HEALTHY: HEALTHY, WORN: ["worn1", "worn2"], SPALLED: ["spalled1"]}
-
-
-def test_a_decision_for_the_family_of_a_class_is_correct():
-    decisions = [HEALTHY, WORN, "worn1", WORN, "inspect"]
-    counts = counted(SUB_STATES, decisions, families=FAMILIES, ax=axes()).counts
-    assert counts.loc["all recordings", ["correct", "wrong fault", "inspection"]].tolist() == [
-        3,
-        1,
-        1,
-    ]
 
 
 def test_bars_are_the_shares_of_each_condition_in_per_cent():

@@ -25,36 +25,6 @@ def test_regions_are_what_the_classifier_decides(ax):
     assert ax.get_legend().get_title().get_text() == "area: decision, marker: true state"
 
 
-def asymmetric():
-    """Return a model whose classes differ in the first feature only, and are decided at 3."""
-    rng = np.random.default_rng(3)
-    points = np.column_stack([rng.normal(0, 1, 80), rng.normal(500, 90, 80)])
-    points[:40, 0] += 6
-    truths = np.repeat(["worn", "healthy"], 40)
-    return CostSensitiveGaussianBayes(covariance="tied").fit(points, truths), points, truths
-
-
-def test_the_first_feature_is_along_x_in_what_is_decided_and_drawn(ax):
-    model, points, truths = asymmetric()
-    display = DecisionRegionsDisplay.from_estimator(
-        model, points, truths, names=("current [A]", "speed [rad/s]"), n_grid=31, ax=ax
-    )
-    healthy, worn = areas(ax)
-    for x, y in [(-1.0, 420.0), (7.0, 420.0), (-1.0, 590.0), (7.0, 590.0)]:
-        decided = model.predict([[x, y]])[0]
-        assert decided == ("worn" if x > 3 else "healthy")
-        assert healthy.get_paths()[0].contains_point((x, y)) == (decided == "healthy")
-        assert worn.get_paths()[0].contains_point((x, y)) == (decided == "worn")
-    for code in (0, 30):
-        corners = [[display.first[code], y] for y in display.second]
-        decided = [display.decisions[i] for i in display.regions[:, code]]
-        assert decided == model.predict(corners).tolist()
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("current [A]", "speed [rad/s]")
-    drawn = {tuple(xy) for marks in ax.collections[:2] for xy in marks.get_offsets().tolist()}
-    assert drawn == {tuple(xy) for xy in points.tolist()}
-    assert list(display.frame().columns) == ["current [A]", "speed [rad/s]", "true"]
-
-
 def areas(ax):
     """Return the filled areas, in the order of the decisions."""
     return [drawn for drawn in ax.collections if getattr(drawn, "filled", False)]

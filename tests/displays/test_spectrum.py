@@ -32,17 +32,6 @@ def test_a_spectrum_is_the_mean_of_each_label_in_db(ax):
     assert display.ax_ is ax
 
 
-def test_a_spectrum_marks_fault_orders_and_stops_where_asked(ax):
-    _, table = spectra()
-    OrderSpectrumDisplay.from_table(
-        table, "vibration", unit="m/s²", max_order=1, fault_orders={"screw": 0.75}, ax=ax
-    )
-    assert ax.get_xlim() == (0, 1)
-    assert [text.get_text() for text in ax.texts] == ["screw"]
-    assert ax.lines[0].get_xdata().max() == 1
-    assert "(m/s²)²/order" in ax.get_ylabel()
-
-
 def test_every_channel_has_a_panel_and_its_own_unit():
     _, table = spectra()
     axes = Figure(figsize=(6, 9)).subplots(2)

@@ -33,14 +33,6 @@ def test_unknown_recordings_flagged_are_drawn_over_known_ones(ax):
     assert frame["threshold"].tolist() == [0, 0.002, 0.009, 0.3, 0.8]
 
 
-def test_the_marker_stands_at_the_threshold(ax):
-    UnknownRocDisplay(TABLE).plot(ax=ax)
-    marks = [line.get_xydata() for line in ax.lines if line.get_marker() not in ("None", "")]
-    assert [mark[0].tolist() for mark in marks if len(mark)] == [[25, 50], [0, 50]]
-    names = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert names[-1] == "flagged at typicality ≤ 0.01"
-
-
 def test_areas_are_those_of_scikit_learn_and_stand_in_the_legend(ax):
     intervals = pd.DataFrame(
         {"auroc_low": [0.4, np.nan], "auroc_high": [0.9, np.nan]}, index=["worn", "dry"]

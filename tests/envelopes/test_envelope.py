@@ -1,19 +1,13 @@
 """Facts about envelopes of bands, and about recordings that hold them."""
 
-import pickle
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal as filters
-from sklearn.base import clone
-from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
 
 from emacm import (
-    BinTransformer,
-    CostSensitiveGaussianBayes,
     EnvelopeDetector,
     OrderPSD,
     OrderResampler,
@@ -92,14 +86,6 @@ def test_beyond_its_ends_the_signal_is_its_mirror_image():
     )
 
 
-def test_float32_stays_float32():
-    signal = noise(2, 3000).astype(np.float32)
-    single = envelope(signal, FS, BAND)
-    assert single.dtype == np.float32
-    double = envelope(signal.astype(float), FS, BAND)
-    np.testing.assert_allclose(single, double, atol=1e-5)
-
-
 # Computed when read
 
 
@@ -128,9 +114,6 @@ def test_what_is_read_in_part_is_what_the_whole_has_there(key):
         rtol=1e-9,
         atol=1e-12,
     )
-
-
-# What is refused
 
 
 # Recordings
@@ -233,38 +216,6 @@ def test_over_the_angle_it_is_what_the_whole_envelope_is(antialias, dtype):
     expected = resampler.fit_transform([whole])[0].strokes[0].signals
     assert heard.dtype == dtype
     np.testing.assert_allclose(heard.strokes[0].signals, expected, rtol=1e-3, atol=1e-5)
-
-
-def test_nothing_is_computed_before_it_is_read(monkeypatch):
-    def refuse(*_):
-        raise AssertionError
-
-    monkeypatch.setattr(EnvelopeSeries, "read", refuse)
-    detector = EnvelopeDetector(BAND, channels=["sound"])
-    (heard,) = detector.fit_transform([knocking()])
-    OrderPSD().fit(OrderResampler(TURN / 64).fit_transform([heard]))
-    assert heard.duration == 2
-    assert heard.digest != knocking().digest
-    assert "sound 10000 Hz" in repr(heard)
-    again = pickle.loads(pickle.dumps(heard))
-    assert heard == again
-    assert not again.series["sound"].sources[0].flags.writeable
-
-
-def test_it_stands_in_a_search_over_bands():
-    X = [knocking(seed, strength=1.0 * (seed % 2)) for seed in range(8)]
-    y = ["sound", "damaged"] * 4
-    pipe = make_pipeline(
-        EnvelopeDetector(BAND, channels=["sound"]),
-        OrderResampler(TURN / 64, channels=["sound"]),
-        OrderPSD(4),
-        BinTransformer(edges={"ring": (2.9, 3.3)}),
-        CostSensitiveGaussianBayes(),
-    ).set_output(transform="pandas")
-    grid = {"envelopedetector__band": [BAND, (1000, 3000)]}
-    search = GridSearchCV(pipe, grid, cv=2, error_score="raise").fit(X, y)
-    assert search.best_score_ == 1
-    assert list(clone(search.best_estimator_).fit(X, y).predict(X)) == y
 
 
 @pytest.mark.parametrize(

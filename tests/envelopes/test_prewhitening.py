@@ -12,7 +12,7 @@ from scipy.stats import kurtosis
 from sklearn.pipeline import make_pipeline
 
 from emacm import CepstralPrewhitening, EnvelopeDetector, OrderPSD, OrderResampler, Recording
-from emacm.envelopes.envelope import EnvelopeSeries, envelope
+from emacm.envelopes.envelope import EnvelopeSeries
 from emacm.envelopes.prewhitening import WhitenedSeries, whiten
 
 FS = 7_000.0
@@ -176,19 +176,6 @@ def test_a_long_recording_is_never_held_as_a_whole():
         assert peak < sound.nbytes
 
 
-def test_it_is_computed_when_read(monkeypatch):
-    def refuse(*_):
-        raise AssertionError
-
-    monkeypatch.setattr(WhitenedSeries, "read", refuse)
-    (white,) = CepstralPrewhitening().fit_transform([recording(noise(), unit="A")])
-    assert white == pickle.loads(pickle.dumps(white))
-    assert white.digest != recording(noise(), unit="A").digest
-    assert (
-        white.digest != CepstralPrewhitening().fit_transform([recording(noise(seed=1))])[0].digest
-    )
-
-
 def test_the_order_of_impacts_under_a_resonance_and_a_gear_stands_in_the_envelope():
     run = recording(impacts(period=313) + 5 * coloured(1) / coloured(1).std() * 0.02)
     order = FS / 313 / (63.0 / TURN)
@@ -231,27 +218,6 @@ def filtered(signal, band=FULL, fs=FS, **options):
     return series
 
 
-def in_two_steps(signal, band=FULL, fs=FS, **options):
-    return envelope(prewhitened(signal, fs), fs, band, **options)
-
-
-@pytest.mark.parametrize(
-    "signal",
-    [coloured(), noise() + 300 * np.sin(TURN * 440 * TIMES), impacts() + 1e-3 * noise()],
-    ids=["noise", "tone", "impacts"],
-)
-# The longer the filter, the more: of 256 samples within which segments fade, 83, 73 and 203 taps.
-@pytest.mark.parametrize(
-    ("band", "most"), [(FULL, 0.005), ((500, 2500), 0.006), ((1500, 2200), 0.02)]
-)
-def test_filtering_the_spectra_differs_little_from_whitening_and_then_filtering(signal, band, most):
-    found = filtered(signal, band, squared=False)
-    inner = slice(found.reach, -found.reach)  # beyond the ends, other mirror images are taken
-    expected = in_two_steps(signal, band, squared=False)[inner]
-    differences = found[:][inner] - expected
-    assert np.sqrt(np.mean(differences**2)) < most * np.sqrt(np.mean(expected**2))
-
-
 def test_a_pickled_envelope_of_a_whitened_signal_is_the_same():
     series = filtered(noise())
     before = series[:]  # now segments are kept, which are not pickled
@@ -266,11 +232,3 @@ def test_an_offset_changes_nothing():
     np.testing.assert_allclose(
         prewhitened(coloured() + 1e3, FS), prewhitened(coloured(), FS), atol=1e-6
     )
-
-
-def test_frequencies_without_power_stay_without_power():
-    lines = np.fft.rfft(noise(8192))
-    lines[1000:3000] = 0
-    empty = np.fft.irfft(lines)
-    found = np.abs(np.fft.rfft(whiten(empty)))
-    assert found[1000:3000].max() < 1e-9 * found[500]

@@ -12,7 +12,6 @@ from sklearn.svm import LinearSVC
 
 from emacm import CostSensitiveGaussianBayes
 from emacm.evaluation import evaluate as evaluation
-from emacm.evaluation.bootstrap import GroupBootstrap, Tally
 from emacm.evaluation.comparison import compare
 
 STATES = ["worn", "new", "new", "dry", "new"]
@@ -44,17 +43,6 @@ def found():
         name: evaluate(GaussianNB(), columns, y, runs=runs, healthy="new", n_splits=20)
         for name, columns in X.items()
     }
-
-
-def test_the_table_has_the_row_of_each_evaluation(found):
-    comparison = compare(found)
-    assert comparison.scheme == "by run"
-    assert comparison.table.index.tolist() == ["vibration", "current"]
-    for name, each in found.items():
-        expected = each.table.loc["by run"]
-        assert comparison.table.loc[name].to_dict() == expected.to_dict()
-    other = compare(found, scheme="random split").table.loc["current", "accuracy"]
-    assert other == found["current"].table.loc["random split", "accuracy"]
 
 
 def test_differences_are_those_of_the_figures_of_merit(found):
@@ -150,37 +138,6 @@ def test_the_second_scheme_that_all_have_scored_is_compared_or_the_only_one():
         ValueError, match=r"a scheme in common .*'1': \['random split'\], '2': \['by"
     ):
         compare([some, only])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [3, None])
-def test_draws_of_differences_have_the_seed_number_and_confidence_of_the_reference(seed):
-    X, y, runs = sensors()
-    options = {"runs": runs, "n_splits": 20, "n_resamples": 150, "confidence": 0.7}
-    first, second = (
-        evaluate(GaussianNB(), each, y, random_state=seed, **options) for each in X.values()
-    )
-    second = replace(second, bootstrap=GroupBootstrap(0.9, 100, 8))
-    row = compare([first, second], scheme="by run").differences.loc["2"]
-    held = [each.predictions.query("scheme == 'by run'") for each in (first, second)]
-    right = np.array([part.sort_values("recording")["correct"] for part in held], float)
-    difference = Tally(right[1] - right[0], np.zeros(70, int))
-    drawn = GroupBootstrap(0.7, 150, seed or 0).draws({"accuracy": difference}, runs)["accuracy"]
-    expected = GroupBootstrap(0.7).interval("accuracy", drawn, difference.figure(), 14)
-    assert row[[*expected]].tolist() == pytest.approx([*expected.values()], abs=1e-12)
-
-
-def test_the_order_in_which_recordings_are_held_out_changes_no_difference():
-    X, y, runs = sensors()
-    train, test = np.flatnonzero(runs < 6), np.flatnonzero(runs >= 6)
-    options = {"runs": runs, "healthy": "new", "n_resamples": 100}
-    first, second, turned = (
-        evaluate(GaussianNB(), X[name], y, splits={"later": (train, held_out)}, **options)
-        for name, held_out in [("vibration", test), ("current", test), ("current", test[::-1])]
-    )
-    same, other = (compare([first, each], scheme="later") for each in (second, turned))
-    assert same.caveats == other.caveats == []
-    pd.testing.assert_frame_equal(same.differences, other.differences, rtol=1e-9, atol=1e-12)
 
 
 def test_priors_that_differ_prevent_a_comparison_of_costs():

@@ -18,7 +18,6 @@ from sklearn.preprocessing import StandardScaler
 
 from emacm import (
     CostSensitiveGaussianBayes,
-    LeastRiskClassifier,
     NewUnitClassifier,
     OrderPSD,
     OrderResampler,
@@ -212,17 +211,6 @@ def test_families_decided_on_are_scored_by_the_cost():
     assert "Scored by families" in found.caveats[-1]
 
 
-def test_a_family_is_decided_on_where_one_of_its_sub_states_was_never_seen():
-    X, y, _ = sub_states()
-    unseen = (np.flatnonzero(y != "worn2"), np.flatnonzero(y == "worn2"))
-    model = CostSensitiveGaussianBayes(family_cost(), covariance="tied")
-    found = evaluate(model, X, y, splits={"worn2 never seen": unseen})
-    held = found.predictions.query("scheme == 'worn2 never seen'")
-    known = CostSensitiveGaussianBayes(family_cost().drop(columns="worn2"), covariance="tied")
-    expected = known.fit(X[unseen[0]], y[unseen[0]]).predict(X[unseen[1]])
-    assert held["decision"].tolist() == expected.tolist()
-
-
 def test_a_label_of_one_unit_gives_a_warning_and_the_split_by_unit_is_not_scored():
     X, y, runs = sub_states()
     units = [
@@ -356,23 +344,6 @@ def test_the_estimator_and_the_data_are_unchanged():
     assert not hasattr(model, "classes_")
     assert model.cost.equals(family_cost())
     assert joblib.hash((X, y, runs)) == before
-
-
-def test_tables_arrays_and_lists_give_the_same_result():
-    X, y, runs = sub_states()
-    kinds = [X, pd.DataFrame(X, columns=["a", "b"]), X.tolist()]
-    tables = [evaluate(GaussianNB(), each, y, runs=list(runs)).table for each in kinds]
-    for table in tables[1:]:
-        pd.testing.assert_frame_equal(table, tables[0])
-
-
-def test_classes_may_be_numbers():
-    X, y, runs = near_copies()
-    found = evaluate(
-        KNeighborsClassifier(1), X, y, runs=runs, healthy=0, families={0: 0, 1: 9, 2: 9}
-    )
-    assert found.confusions["by run"].index.tolist() == [0, 9]
-    assert found.confusions["by run"].to_numpy().sum() == len(y)
 
 
 def test_caveats_are_printed_before_the_figures_of_merit():
@@ -513,40 +484,6 @@ def test_a_classifier_for_new_units_learns_from_units_and_others_from_runs(given
     seen.clear()
     evaluate(OfRuns(temperature="groups", covariance="tied"), X, y, **options, n_splits=2)
     assert set(seen) == {"run"}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("in_pipeline", [False, True])
-def test_a_classifier_inside_another_decision_rule_learns_from_the_units(in_pipeline):
-    rng = np.random.default_rng(6)
-    units = np.repeat(np.arange(8), 6)
-    y = np.tile(["dry", "new"], 24)
-    X = rng.normal(size=(48, 2)) + 5 * (y == "new")[:, np.newaxis]
-    seen = []
-
-    class OfUnits(NewUnitClassifier):
-        def fit(self, X, y, groups=None):
-            assert len(groups) == len(X)
-            seen.append(set(groups))
-            return super().fit(X, y, groups)
-
-    inner = make_pipeline(StandardScaler(), OfUnits()) if in_pipeline else OfUnits()
-    result = evaluate(
-        LeastRiskClassifier(inner, temperature="groups"), X, y, units=units, n_splits=2
-    )
-    assert result.table.loc["by unit", "accuracy"] > 0.9
-    assert {len(groups) for groups in seen} >= {4, 8}  # by unit: half of them held out
-
-
-def test_a_decision_without_a_cost_counts_as_wrong_and_a_caveat_says_so():
-    y, answers = ["ok", "ok", "worn", "worn"], ["ok", "stop", "stop", "worn"]
-    found = echoed(y, answers, healthy="ok", n_splits=2)
-    assert found.table.loc["random split", "expected_cost"] == 0.5
-    assert "['stop'] are none of the classes" in found.caveats[0]
-    cost = {("stop", "ok"): 0.2, ("stop", "worn"): 0.1}
-    assert found.rescored(cost=cost).table.loc["random split", "expected_cost"] == pytest.approx(
-        0.3 / 4
-    )
 
 
 def test_folds_may_be_decided_in_parallel():

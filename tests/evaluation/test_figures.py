@@ -9,12 +9,11 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.metrics import log_loss
 
 from emacm import CostSensitiveGaussianBayes
-from emacm.evaluation.bootstrap import GroupBootstrap, Tally
+from emacm.evaluation.bootstrap import GroupBootstrap
 from emacm.evaluation.evaluate import evaluate
 from emacm.evaluation.figures import (
     auroc_contributions,
     brier_scores,
-    confusion,
     log_losses,
     most_probable,
     reliability,
@@ -106,22 +105,6 @@ def test_a_calibrated_classifier_pays_what_it_predicts():
     assert any("over-confident" in caveat for caveat in over.caveats)
 
 
-def test_each_bin_of_a_reliability_curve_has_the_interval_of_its_own_recordings():
-    of_a = np.array([0.95, 0.95, 0.91, 0.3, 0.3, 0.97, 0.95, 0.25, 0.3, 0.3, *[0.55, 0.45] * 7])
-    truths = np.array(list("baabbbaaaa" + "aabaaaabbaaaba")) == "a"
-    groups = np.array([1, 1, 2, 3, 4, 5, 6, 7, 1, 2, *np.arange(14) // 2 + 1])
-    probabilities = np.column_stack([1 - of_a, of_a])
-    curve = reliability(probabilities, truths.astype(int), groups, BOOTSTRAP)
-    expected = {"from": [0.5, 0.7, 0.9], "count": [14, 5, 5], "groups": [7, 5, 4]}
-    expected |= {"frequency": [5 / 14, 0.4, 0.6]}
-    assert curve[[*expected]].to_dict("list") == expected
-    middle = abs(of_a - 0.5) < 0.1
-    for row, chosen in enumerate((middle, ~middle & (of_a < 0.5), ~middle & (of_a > 0.5))):
-        tally = Tally((of_a > 0.5) == truths, np.where(chosen, 0, -1))
-        expected = BOOTSTRAP.figures({"x": tally}, groups)
-        assert (curve["low"][row], curve["high"][row]) == (expected["x_low"], expected["x_high"])
-
-
 def judged_families():
     """Three classes in two families; "inspect" is no family."""
     families = {"worn": ["dry", "spalled"], "new": ["new"]}
@@ -133,14 +116,6 @@ def judged_families():
     truths = ["dry", "dry", "new", "spalled", "new", "new", "dry"]
     decisions = ["worn", "new", "inspect", "dry", "worn", "new", "inspect"]
     return rule.judge(truths, decisions), rule
-
-
-def test_the_confusion_counts_families_decided_on_in_the_classes_of_their_truth():
-    counts = confusion(*judged_families())
-    assert (counts.index.name, counts.columns.name) == ("decided", "true")
-    assert counts.index.tolist() == ["worn", "new", "inspect"]
-    assert counts.columns.tolist() == ["dry", "spalled", "new"]
-    assert counts.to_numpy().tolist() == [[1, 1, 1], [1, 0, 1], [1, 0, 1]]
 
 
 def test_figures_of_merit_by_hand_are_in_the_order_of_the_table():
@@ -202,19 +177,6 @@ def test_true_probabilities_have_a_lower_expected_score_than_sharper_ones():
     sharper = probabilities**2 / (probabilities**2).sum(axis=1, keepdims=True)
     for score in (log_losses, brier_scores):
         assert score(probabilities, truths).mean() < score(sharper, truths).mean()
-
-
-def test_calibrated_probabilities_equal_the_frequencies_and_overconfident_ones_exceed_them():
-    probabilities, truths = calibrated(50_000, 3)
-    groups = np.arange(50_000) % 20
-    curve = reliability(probabilities, truths, groups)
-    deviation = np.sqrt(curve["confidence"] * (1 - curve["confidence"]) / curve["count"])
-    assert (np.abs(curve["frequency"] - curve["confidence"]) < 4 * deviation).all()
-    assert curve["count"].sum() == 50_000
-    sharp = probabilities**3 / (probabilities**3).sum(axis=1, keepdims=True)
-    curve = reliability(sharp, truths, groups)
-    middle = curve[curve["to"] < 1]
-    assert (middle["frequency"] < middle["confidence"]).all()
 
 
 def test_an_edge_belongs_to_the_bin_above_and_certainty_to_the_last():

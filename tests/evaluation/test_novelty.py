@@ -36,17 +36,6 @@ def found():
 
 
 @pytest.mark.slow
-def test_each_family_of_faults_is_left_out_once_and_the_healthy_one_never(found):
-    assert found.table.index.tolist() == ["dry", "worn"]
-    assert found.table["unknown"].tolist() == [40, 20]
-    assert found.table["known"].tolist() == [40, 60]
-    held = found.predictions
-    for _, part in held.groupby("left_out"):
-        assert sorted(part["recording"]) == list(range(80))
-    assert (held["is_unknown"] == (held["true_label"] == held["left_out"])).all()
-
-
-@pytest.mark.slow
 def test_decisions_and_typicality_are_those_of_a_classifier_without_the_family_and_the_units():
     X, y, units = fleet()
     found = evaluate_unknown(

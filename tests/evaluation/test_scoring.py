@@ -29,22 +29,6 @@ def far_away(seed=0):
     return X, y, units
 
 
-def test_the_probability_of_the_unknown_state_is_part_of_the_predicted_cost():
-    rule = scoring_rule(CLASSES, cost=COST, unknown="unknown")
-    posterior = pd.DataFrame([[0.1, 0.6, 0.3], [0.5, 0.0, 0.5]], columns=CLASSES)
-    found = rule.predicted_costs(["new", "inspect"], posterior, np.array([0.2, 0.5]))
-    of_new = 0.8 * (0.1 * 1 + 0.3 * 10) + 0.2 * 25
-    assert found.tolist() == pytest.approx([of_new, 0.5 * 0.3 + 0.5 * 0.3])
-    known = rule.predicted_costs(["new", "inspect"], posterior)
-    assert known.tolist() == pytest.approx([3.1, 0.3])
-    without = scoring_rule(CLASSES, cost={("new", "worn"): 10})
-    found = without.predicted_costs(["new", "worn"], posterior, np.array([0.2, 0.5]))
-    assert found.tolist() == pytest.approx([3.1, 0.5])  # it knows no unknown state
-    # A class that is absent from the training data has no column: its probability is 0.
-    some = rule.predicted_costs(["new", "inspect"], posterior.drop(columns="dry"))
-    assert some.tolist() == pytest.approx([0.3 * 10, 0.5 * 0.3])
-
-
 @pytest.mark.slow
 def test_predicted_costs_equal_the_risk_of_the_classifier():
     X, y, units = far_away()
@@ -113,28 +97,6 @@ def test_families_are_given_or_follow_from_the_cost():
     assert scoring_rule(STATES).healthy is None
 
 
-def test_classes_of_one_family_are_together_whatever_the_order_in_which_they_are_given():
-    family_of = {"worn 1": "worn", "new": "ok", "dry": "worn"}
-    rule = scoring_rule(STATES, families=family_of, cost={("ok", "worn"): 7})
-    assert rule.classes == ["worn 1", "dry", "new"]
-    assert list(rule.family_of) == rule.classes
-    assert rule.labels == ["worn", "ok"]
-    assert rule.judge(["dry", "new"], ["ok", "worn"])["cost"].tolist() == [7, 1]
-    # Decisions on families, true classes that differ in cost; and a decision that is no family.
-    by_class = {("ok", "dry"): 7, ("ok", "worn 1"): 3, ("ok", "new"): 0}
-    by_class |= {("worn", "dry"): 0, ("worn", "worn 1"): 0, ("worn", "new"): 2}
-    rule = scoring_rule(STATES, families=family_of, cost=by_class)
-    costs = rule.judge(["dry", "worn 1", "new", "dry"], ["ok", "ok", "worn", "worn"])["cost"]
-    assert costs.tolist() == [7, 3, 2, 0]
-    look = {("look", "worn"): 0.5, ("look", "ok"): 0.25}
-    rule = scoring_rule(STATES, families=family_of, cost=look)
-    assert rule.judge(["dry", "new"], ["look", "look"])["cost"].tolist() == [0.5, 0.25]
-    alone = {"worn": ["worn"], "new": ["new"]}
-    of_classes = {("new", "worn"): 7, ("worn", "new"): 2}
-    costs = scoring_rule(CLASSES[1:], families=alone, cost=of_classes).costs
-    assert costs.to_dict("index") == {"new": {"new": 0, "worn": 7}, "worn": {"new": 2, "worn": 0}}
-
-
 @pytest.mark.parametrize(("healthy", "label"), [("new", "ok"), ("ok", "ok"), (None, None)])
 def test_the_healthy_class_stands_for_its_family(healthy, label):
     families = {"ok": ["new"], "worn": ["dry", "worn 1"]}
@@ -183,16 +145,6 @@ def test_priors_in_service_are_given_the_known_states():
     assert scoring_rule(STATES, priors="uniform").priors == pytest.approx(
         dict.fromkeys(STATES, 1 / 3)
     )
-
-
-def test_several_correct_decisions_count_as_the_first():
-    rows, columns = ["new", "grease", "swap"], ["new", "a", "b"]
-    cost = pd.DataFrame([[0, 5, 5], [9, 0, 0], [9, 0, 0]], rows, columns)
-    rule = scoring_rule(np.array(["a", "b", "new"]), cost=cost, healthy="new")
-    assert rule.alarms == {"grease", "swap"}
-    found = rule.judge(["a", "b", "new"], ["swap", "grease", "swap"])
-    assert found["correct"].tolist() == [True, True, False]
-    assert found["decided_label"].tolist() == ["grease", "grease", "swap"]
 
 
 def test_the_same_decision_for_every_recording_is_a_yardstick():

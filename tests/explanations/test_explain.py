@@ -131,20 +131,6 @@ def test_the_default_alternative_is_the_most_probable_other_class():
     assert table.attrs["baseline"] == table.attrs["against"]
 
 
-def test_without_projection_the_baseline_is_the_mean_of_the_other_class():
-    model, X, y = fitted("log and scaler")
-    x = X.iloc[[0]]
-    one = explain_decision(model, x, decision="state 0", against="state 2")
-    other = explain_decision(
-        model, x, decision="state 0", against="state 2", background=X[y == "state 2"]
-    )
-    assert list(one["column"]) == list(other["column"])
-    assert np.allclose(one["contribution"], other["contribution"], rtol=1e-9)
-    mean = model[-1].means_[[2]]
-    joint = model[-1].predict_joint_log_proba(mean)[0]
-    assert one.attrs["baseline_value"] == pytest.approx(joint[0] - joint[2])
-
-
 @pytest.mark.parametrize("covariance", COVARIANCES)
 @pytest.mark.parametrize("projection", [[], [PCA(2)], [LinearDiscriminantAnalysis()]])
 def test_a_bin_without_difference_and_correlation_contributes_nothing(covariance, projection):
@@ -160,14 +146,6 @@ def test_a_bin_without_difference_and_correlation_contributes_nothing(covariance
     whole = explain_model(model, X, y).set_index("column")["contribution"]
     assert whole[COLUMNS[2]] < 1e-10 * whole.max()
     assert whole.drop(COLUMNS[2]).min() > 1e-3 * whole.max()
-
-
-def test_a_bin_that_was_not_selected_contributes_nothing():
-    model, X, _ = fitted("best few")
-    left_out = np.array(COLUMNS)[~model[1].get_support()]
-    table = explain_decision(model, X.iloc[[1]]).set_index("column")
-    assert (table.loc[left_out, "contribution"] == 0).all()
-    assert (table["contribution"] != 0).sum() == 5
 
 
 def test_instead_of_a_decision_that_is_no_class_the_two_most_probable_ones_are_compared():
@@ -324,24 +302,6 @@ def test_recordings_and_their_table_of_bins_have_the_same_explanation(rig, rig_m
         pd.testing.assert_frame_equal(table, whole)
 
 
-def test_named_bands_keep_their_orders(rig):
-    bands = {"BPFI": (6.0, 6.25), "supply": (11.75, 12.25)}
-    model = make_pipeline(
-        OrderResampler(2 * np.pi / 128),
-        OrderPSD(16),
-        BinTransformer(edges=bands),
-        log(),
-        CostSensitiveGaussianBayes(shrinkage=0.1),
-    ).fit(*rig)
-    table = explain_model(model, *rig).set_index("column")
-    assert list(table.index[:2]) in (
-        ["vibration@BPFI", "position@supply"],
-        ["position@supply", "vibration@BPFI"],
-    )
-    assert table.loc["vibration@BPFI", ["low", "high"]].tolist() == [6.0, 6.25]
-    assert table.loc["position@supply", "channel"] == "position"
-
-
 def knocking(seed, knocks):
     """A screw drive out and back; where it knocks, the current peaks on the way out."""
     rng = np.random.default_rng(seed)
@@ -389,20 +349,6 @@ def test_a_model_of_knocks_is_determined_by_the_kurtosis_of_their_direction():
     named = model.set_output(transform="pandas").fit(KNOCKING, KNOCKS)
     again = explain_model(named, KNOCKING, KNOCKS)
     np.testing.assert_allclose(again["contribution"], table["contribution"])
-
-
-def to_decibels(power):
-    return 10 * np.log10(power + 1e-300)
-
-
-@pytest.mark.parametrize("function", [np.log, to_decibels])
-def test_a_logarithm_without_names_has_those_of_its_columns(function):
-    expected = explain_model(named_features().fit(KNOCKING, KNOCKS), KNOCKING)
-    model = named_features(log_names=None)
-    model[0].transformer_list[0][1][-1].func = function
-    table = explain_model(model.fit(KNOCKING, KNOCKS), KNOCKING)
-    assert set(table["column"]) == set(expected["column"])
-    np.testing.assert_allclose(table["contribution"].sum(), expected["contribution"].sum())
 
 
 def test_orders_are_read_from_the_names_of_columns_only_where_they_are_given():

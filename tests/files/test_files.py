@@ -8,16 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.io
-from sklearn.model_selection import cross_val_predict
-from sklearn.pipeline import make_pipeline
 
 from emacm import (
-    BinTransformer,
-    CostSensitiveGaussianBayes,
     EnvelopeDetector,
     Layout,
-    OrderPSD,
-    OrderResampler,
     Recording,
     RecordingFolder,
     open_recording,
@@ -85,14 +79,6 @@ def test_a_recording_in_a_file_equals_the_one_in_memory(path):
     assert opened._repr_html_() == in_memory()._repr_html_()
 
 
-def test_spectra_are_equal_bit_by_bit(path):
-    spectra = make_pipeline(OrderResampler(2 * np.pi / 40), OrderPSD(2.5))
-    np.testing.assert_array_equal(
-        np.asarray(spectra.fit_transform([open_recording(path, LAYOUT)])),
-        np.asarray(spectra.fit_transform([in_memory()])),
-    )
-
-
 def test_envelopes_are_equal_bit_by_bit_and_stay_in_the_file(path):
     envelopes = EnvelopeDetector({"vibration": (200, 500)})
     opened = envelopes.fit_transform([open_recording(path, LAYOUT)])[0]
@@ -143,16 +129,6 @@ def test_a_relative_path_is_found_from_another_folder(npz, monkeypatch):
     assert [found.digest for found in pickle.loads(pickled)] == [in_memory().digest] * 2
 
 
-def test_memory_holds_the_last_files_only(tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "_recent", files.Recent(500_000))
-    for number in range(30):
-        np.savez(tmp_path / f"{number}.npz", b=np.full(10_000, float(number)))
-    folder = RecordingFolder(tmp_path, Layout(fs=100, velocity=3))
-    means = [recording.signals["b"].mean() for recording in folder]
-    assert sorted(means) == list(range(30))
-    assert files._recent._bytes <= 500_000
-
-
 @pytest.mark.parametrize("later", [SIGNALS["current"] * 2, SIGNALS["current"][:100]])
 def test_a_replaced_file_is_an_error(npz, later):
     opened = open_recording(npz, LAYOUT)
@@ -163,19 +139,6 @@ def test_a_replaced_file_is_an_error(npz, later):
     with pytest.raises(ValueError, match="Open it again"):
         assert opened.digest
     assert len(open_recording(npz, LAYOUT).signals["current"]) == len(later)
-
-
-def test_other_processes_check_the_content_of_a_file_and_not_its_time(npz):
-    pickled, content = pickle.dumps(open_recording(npz, LAYOUT)), npz.read_bytes()
-    npz.unlink()
-    npz.write_bytes(content)  # a copy
-    os.utime(npz, ns=(1, 1))
-    assert pickle.loads(pickled) == in_memory()
-    np.savez(npz, vibration=-SIGNALS["vibration"], current=SIGNALS["current"], speed=SPEED)
-    assert npz.stat().st_size == len(content)
-    os.utime(npz, ns=(2, 2))
-    with pytest.raises(ValueError, match=r"B7_worn.npz: the file was replaced or changed"):
-        assert pickle.loads(pickled).digest
 
 
 def test_a_file_that_is_gone_is_an_error(npz):
@@ -218,21 +181,6 @@ def test_a_folder_is_a_sequence_of_recordings(folder):
     assert folder[-1].meta == {"unit": "U2", "state": "worn", "run": 11}
     assert folder[0] in folder
     assert "12 recordings" in repr(folder)
-
-
-def test_a_folder_is_the_X_of_a_search(folder):
-    model = make_pipeline(
-        OrderResampler(2 * np.pi / 40),
-        OrderPSD(5),
-        BinTransformer(max_order=15),
-        CostSensitiveGaussianBayes(covariance="diag"),
-    )
-    y = [recording.meta["state"] for recording in folder]
-    loaded = [pickle.loads(pickle.dumps(recording.content())) for recording in folder]
-    np.testing.assert_array_equal(
-        cross_val_predict(model, folder, y, cv=3, method="predict_proba"),
-        cross_val_predict(model, loaded, y, cv=3, method="predict_proba"),
-    )
 
 
 def test_a_folder_without_files_is_an_error(folder):

@@ -7,7 +7,6 @@ import json
 import shutil
 import socket
 import subprocess
-import sys
 import threading
 import time
 import warnings
@@ -17,7 +16,6 @@ from urllib.error import HTTPError
 from urllib.parse import quote, urlencode
 from urllib.request import urlopen
 
-import numpy as np
 import pytest
 
 from emacm.history.records import record_of
@@ -164,48 +162,6 @@ def test_nothing_is_lost_when_the_broker_is_killed_and_started_again(broker, tmp
     assert queried(base, "SELECT count(*), count(DISTINCT id) FROM records") == "300|300"
 
 
-WRITER = """
-import json, sys
-from emacm.history.sinks import sinks_of
-url, base, records = sys.argv[1:]
-sinks = sinks_of([url, base])
-print("ready", flush=True)
-known = {record["id"] for record in sinks[-1].known()}
-for line in open(records):
-    record = json.loads(line)
-    if record["id"] not in known:  # a process that goes on makes the others again
-        for sink in sinks:
-            sink.write(record)
-for sink in sinks:
-    sink.close()
-"""
-
-
-def test_nothing_is_lost_when_the_writing_process_is_killed(broker, tmp_path):
-    n_records, n_kills = 1000, 5
-    base, lines, rng = tmp_path / "h.sqlite", tmp_path / "lines.txt", np.random.default_rng(0)
-    records = list(some_records(n_records, alarms=True))
-    lines.write_text("".join(json.dumps(record) + "\n" for record in records))
-    command = [sys.executable, "-c", WRITER, broker.url, str(base), str(lines)]
-    with broker.started(), subscriber(broker, tmp_path) as messages:
-        for _ in range(n_kills):
-            with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
-                process.stdout.readline()
-                time.sleep(rng.uniform(0, 0.1))
-                process.kill()
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-
-        def received():
-            return {message["id"]: message for topic, message in messages() if kind in topic}
-
-        kind = "/records/"
-        until(lambda: len(received()) == n_records)
-        assert received() == {record["id"]: record for record in records}
-        kind = "/alarms/"
-        assert received() == {record["alarms"][0]["id"]: record["alarms"][0] for record in records}
-    assert queried(base, "SELECT count(*) FROM unsent") == "0"
-
-
 def test_records_of_an_outage_are_sent_by_the_next_process_in_their_order(broker, tmp_path):
     history, records = History(tmp_path / "h.sqlite"), list(some_records(40, alarms=True))
     history.write_all(records)
@@ -222,34 +178,6 @@ def test_records_of_an_outage_are_sent_by_the_next_process_in_their_order(broker
     changes = [message for topic, message in found if topic.startswith("plant/hall/alarms/")]
     assert changes == [record["alarms"][0] for record in records]
     assert not history.unsent(broker.url)
-    history.close()
-
-
-def secured(folder):
-    """Return a broker with a user who may send records, but no alarms."""
-    users, rights = folder / "users", folder / "rights"
-    command = [program("mosquitto_passwd"), "-b", "-c", str(users), "emacm", "right"]
-    subprocess.run(command, check=True, capture_output=True)
-    rights.write_text("user emacm\ntopic write plant/hall/records/#\ntopic read plant/#\n")
-    for path in (users, rights):
-        path.chmod(0o600)
-    return Broker(folder, f"password_file {users}", f"acl_file {rights}")
-
-
-@pytest.mark.parametrize(
-    ("password", "alarms", "answer"),
-    [("wrong", False, "Not authorized"), ("right", True, "Not authorized"), ("right", False, "")],
-)
-def test_what_the_broker_refuses_is_kept(password, alarms, answer, tmp_path, monkeypatch):
-    monkeypatch.setenv("EMACM_MQTT_PASSWORD", password)
-    broker, history = secured(tmp_path), History(tmp_path / "h.sqlite")
-    url, records = broker.url.replace("://", "://emacm@"), list(some_records(3, alarms=alarms))
-    history.write_all(records)
-    with broker.started():
-        texts = warned(MqttSink(url, history, patience=1.0), records)
-    assert len(texts) == bool(answer)  # once
-    assert all(answer in text for text in texts)
-    assert len(history.unsent(url)) == (3 if answer else 0)
     history.close()
 
 

@@ -1,12 +1,9 @@
 """Facts about the remaining life: known laws, coverage by unit, refusals, decisions."""
 
-import pickle
-
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import binom, invgauss, kstest, weibull_min
-from sklearn.base import clone
 from sklearn.model_selection import GroupKFold, cross_val_predict
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
@@ -362,15 +359,6 @@ def test_inconsistent_tables_are_refused(change, message):
     X, y, groups = change(X, y, groups)
     with pytest.raises(ValueError, match=message):
         model("weibull").fit(X, y, groups=groups)
-
-
-def test_a_frame_is_accepted_and_its_index_kept():
-    X, y, groups, _ = followed(range(12))
-    frame = pd.DataFrame(X, columns=["age", "level"], index=np.arange(len(X)) * 3 + 1)
-    fitted = model("weibull").fit(frame, y, groups=groups)
-    assert fitted.predict_interval(frame, groups).index.equals(frame.index)
-    again = pickle.loads(pickle.dumps(clone(fitted).fit(frame, y, groups=groups)))
-    np.testing.assert_array_equal(again.predict(frame), fitted.predict(frame))
 
 
 @pytest.mark.slow

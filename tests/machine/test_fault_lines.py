@@ -61,18 +61,6 @@ def test_lines_that_slip_apart_are_no_series():
     assert levels(spectrum(slipped))["vibration@BPFI"][0] < 10
 
 
-def test_channels_are_measured_apart_and_in_the_order_asked_for():
-    psd = np.hstack([spectrum([3.584785 * k for k in (1, 2, 3)], 10), spectrum([])])
-    wide = table(psd, ("vibration", "current"))
-    lines = FaultLines(BEARING, channels=["current", "vibration"]).fit(wide)
-    names = list(lines.get_feature_names_out())
-    assert names[0] == "current@BPFO"
-    assert names[4] == "vibration@BPFO"
-    row = lines.transform(wide)[0]
-    assert row[0] == pytest.approx(0)
-    assert row[4] == pytest.approx(10)
-
-
 def test_a_recording_leads_to_the_level_of_its_line():
     rng = np.random.default_rng(3)
     angle = np.cumsum(2 * np.pi * (8 + np.sin(np.arange(60_000) / 9_000)) / 2_000)
@@ -124,18 +112,6 @@ def test_other_columns_than_those_of_fit_are_refused():
     lines = FaultLines(BEARING).fit(table(spectrum([])))
     with pytest.raises(ValueError, match="another order axis"):
         lines.transform(table(spectrum([])).iloc[:, ::-1])
-
-
-def test_the_background_needs_five_lines_and_all_lines_need_both_neighbours():
-    series = [FaultSeries("wear", (4.0, 8.0), False)]
-    assert LineLevels(ORDERS, series, 0.0, 0.08)._width == 5
-    with pytest.raises(ValueError, match=r"fewer than 5 lines.*revolutions=125"):
-        LineLevels(ORDERS, series, 0.0, 0.04)
-    fitting = LineLevels(ORDERS[99:202], series, 0.0, 0.5)  # 3.96 to 8.04
-    assert fitting.measure(np.ones((1, 103)))[0] == pytest.approx(0)
-    for part in (ORDERS[100:202], ORDERS[99:201]):
-        with pytest.raises(ValueError, match="'wear' reach order 8, but the spectra hold orders"):
-            LineLevels(part, series, 0.0, 0.5)
 
 
 def test_the_background_is_the_median_around_each_line_and_mirrored_at_the_ends():

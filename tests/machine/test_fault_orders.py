@@ -82,18 +82,6 @@ def test_a_rotating_ring_is_modulated_by_the_shaft_and_a_stationary_one_is_not()
     assert "BPFI+shaft" not in outer
 
 
-def test_all_orders_scale_with_the_speed_ratio_of_the_shaft():
-    for make in (
-        lambda ratio: Bearing(9, 7.94, 39.04, ratio=ratio),
-        lambda ratio: Gear(18, 42, ratio=ratio),
-        lambda ratio: BallScrew(17, 3.175, 20, 5, ratio=ratio, circuit_balls=60),
-    ):
-        one = fault_orders(make(1.0), harmonics=2, sidebands=1)["order"]
-        pd.testing.assert_series_equal(
-            3 * one, fault_orders(make(3.0), harmonics=2, sidebands=1)["order"]
-        )
-
-
 def test_a_twelve_pole_motor_has_its_current_at_order_six():
     table = fault_orders(Motor(6, slots=36), harmonics=6)
     assert table["order"]["supply"] == 6

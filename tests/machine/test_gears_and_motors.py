@@ -155,19 +155,6 @@ def test_rotor_slot_harmonics_agree_with_the_published_formula():
             assert shaft * found[line] == pytest.approx(published)
 
 
-def test_a_fault_of_the_sun_or_ring_is_modulated_by_its_own_rotation():
-    def sidebands(fixed):
-        lines = PlanetaryGear(28, 100, 4, fixed=fixed, ratio=0.5).lines()
-        return {line.name: line.sidebands for line in lines if "fault" in line.name}
-
-    star, epicyclic = sidebands("carrier"), sidebands("ring")
-    assert star["sun fault"] == (("sun", 0.5),)
-    assert star["ring fault"] == (("ring", pytest.approx(0.14)),)
-    assert star["planet fault"] == ()
-    assert epicyclic["sun fault"] == (("sun", 0.5),)
-    assert epicyclic["ring fault"] == ()
-
-
 def test_a_line_at_the_supply_has_no_difference_of_order_0():
     found = orders({"belt": 6.0, "fan": 2.0}, Motor(6), signal="current")
     assert found["supply+belt"] == 12

@@ -2,7 +2,6 @@
 
 import joblib
 import numpy as np
-import pandas as pd
 import pytest
 from sklearn.base import clone
 
@@ -130,21 +129,6 @@ def test_another_machine_is_unknown(options):
     new = [another_machine(seed) for seed in range(3)]
     assert model.predict(new).tolist() == ["unknown"] * 3
     assert model.set_params(costsensitivegaussianbayes__unknown=None).predict(new)[0] in STATES
-
-
-@new_lines
-def test_decisions_on_families_include_the_unknown_state():
-    cost = family_costs(
-        {"normal": ["normal"], "worn": ["worn1", "worn2"]}, other_decisions={"inspect": 0.3}
-    )
-    model = fitted(*campaign(8), cost=cost)
-    assert model.predict([another_machine(1)]).tolist() == ["unknown"]
-    costs = pd.DataFrame(model[-1].cost_, model[-1].decisions_, model[-1].truths_)
-    assert costs["unknown"].to_dict() == {"normal": 1, "worn": 1, "unknown": 0, "inspect": 0.3}
-    # One in two machines may be unknown: then a doubtful one is inspected.
-    priors = {"normal": 0.3, "worn1": 0.1, "worn2": 0.1, "unknown": 0.5}
-    model.set_params(costsensitivegaussianbayes__priors=priors)
-    assert set(model.predict(campaign()[0])) <= {"normal", "worn", "inspect", "unknown"}
 
 
 @pytest.mark.slow

@@ -77,14 +77,6 @@ def test_bins_adjoin_from_0_to_the_highest_order(bin_size, max_order):
 # The integral
 
 
-@given(spectrum=spectra(), bin_size=st.floats(0.02, 50), share=st.floats(0.05, 1))
-def test_bins_add_up_to_the_integral_whatever_their_size(spectrum, bin_size, share):
-    orders, psd = spectrum
-    max_order = share * orders[-1]
-    bins = bin_operator(orders, bin_edges(bin_size, max_order)) @ psd
-    assert bins.sum() == pytest.approx(integral(orders, psd, 0, max_order), rel=1e-9)
-
-
 @given(spectrum=spectra(), seed=st.integers(0, 2**32 - 1), n_edges=st.integers(2, 40))
 @example(
     spectrum=(np.array([0, 2.0]), np.array([1.458, 0.673])), seed=124, n_edges=2
@@ -239,15 +231,6 @@ def test_bins_of_a_recording_add_up_to_its_mean_square(window):
 # Errors
 
 
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
-def test_bins_are_plain_numbers_that_can_be_saved(dtype, tmp_path):
-    table = OrderTable(np.ones((2, 3), dtype), ["a@0", "a@1", "a@2"])
-    found = BinTransformer(1, max_order=2).fit_transform(table)
-    assert found.dtype == dtype
-    assert found.dtype.metadata is None  # numpy warns when it cannot save it
-    np.save(tmp_path / "bins.npy", found)
-
-
 def test_the_logarithm_of_bins_without_power_names_recording_and_bin():
     psd = np.ones((3, 6))
     psd[1, 3:] = 0
@@ -277,12 +260,3 @@ def test_a_step_that_contradicts_two_orders_is_refused():
     two = OrderTable(np.ones((1, 2)), ["a@0", "a@0.75"])
     with pytest.raises(ValueError, match=r"order_step = 0.5 contradicts .*'a'.* lie 0.75 apart"):
         BinTransformer(0.5, max_order=0.5, order_step=0.5).fit(two)
-
-
-@pytest.mark.parametrize("lost", [np.asarray, lambda X: X[:, :].view(np.ndarray), lambda X: X + 0])
-def test_an_array_of_an_order_table_that_has_lost_its_orders_is_refused(lost):
-    spectrum = OrderTable(np.ones((2, 5)), [f"a@{k / 2}" for k in range(5)])
-    message = "X was an order table, but an operation on it .* has removed its orders"
-    with pytest.raises(ValueError, match=message):
-        BinTransformer(1, max_order=2).fit(lost(spectrum))
-    assert BinTransformer(1, max_order=2, order_step=0.5).fit(lost(spectrum)).bins_[0] == (0, 1)

@@ -204,22 +204,3 @@ def test_with_metadata_routing_the_groups_of_a_search_reach_the_bins(training):
         search = GridSearchCV(pipe, {}, cv=GroupKFold(2)).fit(table(training), y, groups=groups)
     own = BinTransformer(max_order=12).fit(table(training), groups=groups).new_line_limits_
     np.testing.assert_array_equal(search.best_estimator_[0].new_line_limits_, own)
-
-
-# Numbers, computed in another way
-
-
-def test_fitting_and_transforming_at_once_gives_the_same_bins(training):
-    at_once = BinTransformer(max_order=12)
-    bins = at_once.fit_transform(table(training), groups=np.arange(60) % 10)
-    apart = BinTransformer(max_order=12).fit(table(training), groups=np.arange(60) % 10)
-    np.testing.assert_array_equal(np.asarray(bins), np.asarray(apart.transform(table(training))))
-    np.testing.assert_array_equal(at_once.new_line_limits_, apart.new_line_limits_)
-
-
-def test_a_statement_is_collected_once(training, fitted):
-    new = with_line(spectra(1, 2), 9.0, 20, training)
-    with collected_statements() as found:
-        for _ in range(3):
-            fitted.transform(table(new))
-    assert len(found[0]) == 1

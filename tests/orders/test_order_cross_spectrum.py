@@ -1,11 +1,6 @@
 """Facts about OrderCrossSpectrum: pairs, names, bins, directions, and what is refused."""
 
-import pickle
-import tracemalloc
-
 import numpy as np
-import pandas as pd
-import polars as pl
 import pytest
 from scipy import signal
 from scipy.integrate import trapezoid
@@ -171,20 +166,6 @@ def test_an_ordered_pair_says_which_is_the_input(over_angle):
     np.testing.assert_allclose(there[:, n_orders:], -back[:, n_orders:], rtol=1e-9, atol=1e-15)
 
 
-def test_channels_in_no_pair_are_not_resampled(over_angle, monkeypatch):
-    estimator = OrderCrossSpectrum(4, pairs=[("error", "torque")])
-    asked = []
-    original = type(over_angle[0].strokes[0]).blocks
-    monkeypatch.setattr(
-        type(over_angle[0].strokes[0]),
-        "blocks",
-        lambda stroke, rows: asked.append(list(rows)) or original(stroke, rows),
-    )
-    estimator.fit(over_angle).transform(over_angle)
-    assert asked
-    assert all(rows == [2, 0] for rows in asked)
-
-
 def test_lines_pass_through_the_bin_transformer_and_agree_with_own_bins(over_angle):
     after = make_pipeline(OrderCrossSpectrum(4, kind="cross"), BinTransformer(1.5, max_order=9))
     within = OrderCrossSpectrum(4, kind="cross", bin_size=1.5, max_order=9)
@@ -221,25 +202,6 @@ def test_integrals_of_lines_are_those_of_trapezoids(over_angle):
 # scikit-learn
 
 
-@pytest.mark.parametrize("container", [pd.DataFrame, pl.DataFrame])
-def test_frames_change_no_number(over_angle, container):
-    estimator = OrderCrossSpectrum(4, kind=["coherence", "response"], bin_size=2)
-    plain = clone(estimator).fit_transform(over_angle)
-    name = container.__module__.split(".")[0]
-    framed = clone(estimator).set_output(transform=name).fit_transform(over_angle)
-    assert isinstance(framed, container)
-    assert list(framed.columns) == list(estimator.fit(over_angle).get_feature_names_out())
-    np.testing.assert_array_equal(np.asarray(framed), plain)
-
-
-def test_threads_and_pickles_change_no_number(over_angle):
-    estimator = OrderCrossSpectrum(4, kind=["coherence", "cross"]).fit(over_angle)
-    expected = estimator.transform(over_angle)
-    again = pickle.loads(pickle.dumps(estimator))
-    np.testing.assert_array_equal(again.transform(over_angle), expected)
-    np.testing.assert_array_equal(estimator.set_params(n_jobs=2).transform(over_angle), expected)
-
-
 def test_a_recording_does_not_depend_on_others(over_angle):
     estimator = OrderCrossSpectrum(4).fit(over_angle)
     np.testing.assert_array_equal(
@@ -265,32 +227,6 @@ def test_it_is_searched_and_decides_beside_the_power_spectrum():
     search = GridSearchCV(pipe, grid, cv=3, error_score="raise").fit(X, y)
     assert search.best_score_ == 1
     assert list(search.best_estimator_.predict(X)) == y
-
-
-def test_float32_recordings_agree_with_float64():
-    single, double = (
-        OrderCrossSpectrum(4, kind="coherence").fit_transform(
-            RESAMPLER.fit_transform([drive(dtype=dtype)])
-        )
-        for dtype in (np.float32, float)
-    )
-    np.testing.assert_allclose(np.asarray(single)[:, 2:], np.asarray(double)[:, 2:], atol=1e-4)
-
-
-def test_a_long_stroke_is_never_held_as_a_whole():
-    n_times = 1_000_000
-    rng = np.random.default_rng(0)
-    signals = {name: rng.standard_normal(n_times, dtype=np.float32) for name in "xy"}
-    run = Recording(signals, 10_000, velocity=np.full(n_times, 600.0, np.float32))
-    (row,) = OrderResampler(TURN / 128).fit_transform([run])
-    estimator = OrderCrossSpectrum(4).fit([row])
-    estimator.transform([row])  # makes what is made once; compiled loops take memory of their own
-    tracemalloc.start()
-    estimator.transform([row])
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert row.strokes[0].n_angles * 2 * 4 > 9.7e6  # bytes of the stroke
-    assert peak < 9e6
 
 
 # What is refused
@@ -422,8 +358,3 @@ def test_a_pipeline_names_the_columns_of_chosen_pairs():
     ).fit([drive()])
     names = ["error*torque:response.real@low", "error*torque:response.imag@low"]
     assert list(pipe.get_feature_names_out()) == names
-
-
-def constant_speed(signals, n_times=4000):
-    run = Recording(signals, 400, velocity=np.full(n_times, 30.0))
-    return OrderResampler(TURN / 32).fit_transform([run])

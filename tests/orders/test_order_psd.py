@@ -1,7 +1,5 @@
 """Facts about OrderPSD: directions, axes, precision, range, short recordings, defaults."""
 
-from inspect import signature
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -80,20 +78,6 @@ def test_a_tone_has_its_order_at_a_fractional_number_of_samples_per_revolution()
     assert psd.orders_[psd.transform(rows)[0].argmax()] == pytest.approx(7.25, abs=0.01)
 
 
-@pytest.mark.parametrize("kind", [np.float32, np.float16])
-@pytest.mark.parametrize("samples", [48, 64, 100])
-def test_an_angle_step_in_single_precision_stands_for_the_exact_one(kind, samples):
-    step = kind(TURN / samples)
-    recording = Recording({"a": RNG.standard_normal(6000)}, 600, velocity=np.full(6000, 40.0))
-    X = OrderResampler(step).fit_transform([recording])
-    assert X[0].theta_s == TURN / samples
-    spectra = OrderPSD(4).fit_transform(X)
-    bins = BinTransformer(1, max_order=samples / 2).fit_transform(spectra)
-    assert bins.shape == (1, samples // 2)
-    plain = OrderPSD(4, theta_s=step).fit_transform([RNG.standard_normal(900)])
-    assert plain.columns[-1] == f"signal@{samples // 2}"
-
-
 @pytest.mark.parametrize("theta_s", [64, 128.0, 3.2])
 def test_a_number_of_samples_in_place_of_an_angle_step_is_refused_with_the_remedy(theta_s):
     recording = Recording({"a": RNG.standard_normal(600)}, 600, velocity=np.full(600, 40.0))
@@ -105,30 +89,6 @@ def test_a_number_of_samples_in_place_of_an_angle_step_is_refused_with_the_remed
 
 
 # Precision and range
-
-
-@pytest.mark.parametrize(
-    "options", [{}, {"antialias": False}, {"antialias": False, "interpolation": "linear"}]
-)
-@pytest.mark.parametrize("offset", [32_768.0, -1e6])
-@pytest.mark.parametrize("short", [False, True])
-def test_single_precision_with_a_large_offset_has_the_spectrum_of_the_same_numbers(
-    options, offset, short
-):
-    fs, n = 2000.0, 16_000
-    velocity = TURN * (6 + np.sin(np.arange(n) / 900))
-    tone = 3 * np.sin(4.5 * np.cumsum(velocity) / fs) + 0.1 * RNG.standard_normal(n)
-    single = (offset + tone).astype(np.float32)
-    X = [
-        Recording({"b": values, "a": tone}, fs, velocity=velocity)
-        for values in (single, single.astype(np.float64))
-    ]
-    X.append(Recording({"b": single, "a": tone.astype(np.float32)}, fs, velocity=velocity))
-    psd = OrderPSD(100, short="pad") if short else OrderPSD(8)
-    table = psd.fit_transform(OrderResampler(TURN / 64, **options).fit_transform(X))
-    first = slice(0, len(psd.orders_))
-    np.testing.assert_allclose(table[0], table[1], rtol=1e-9, atol=1e-13 * table[1, first].max())
-    np.testing.assert_allclose(table[2, first], table[1, first], rtol=1e-9)
 
 
 def test_plain_rows_in_single_precision_have_the_spectrum_of_the_same_numbers():
@@ -188,21 +148,6 @@ def test_a_padded_stroke_is_detrended_over_its_own_length(detrend):
     np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12 * expected.max())
 
 
-def test_a_padded_stroke_of_a_recording_is_detrended():
-    fs, n = 500.0, 300
-    velocity = np.full(n, TURN * 5)
-    tone = np.sin(6.5 * np.cumsum(velocity) / fs)
-    tables = [
-        OrderPSD(16, short="pad").fit_transform(
-            OrderResampler(TURN / 32).fit_transform(
-                [Recording({"a": tone + level}, fs, velocity=velocity)]
-            )
-        )
-        for level in (0.0, 1000.0)
-    ]
-    np.testing.assert_allclose(tables[1], tables[0], atol=1e-6 * np.max(tables[0]))
-
-
 def test_a_single_short_row_names_its_length_and_the_remedy():
     psd = OrderPSD(4, theta_s=TURN / 16).fit([np.ones(64)])
     with pytest.raises(ValueError, match=r"row 1: no row holds .*\(64 samples\).*holds 3.75.*pad"):
@@ -210,35 +155,6 @@ def test_a_single_short_row_names_its_length_and_the_remedy():
 
 
 # Defaults
-
-
-def test_the_defaults_of_welchs_method_are_the_same_everywhere():
-    def defaults(function):
-        return {
-            name: parameter.default
-            for name, parameter in signature(function).parameters.items()
-            if parameter.default is not parameter.empty
-        }
-
-    planned = defaults(segment_plan)
-    assert planned == {
-        "revolutions": 16,
-        "n_per_segment": None,
-        "window": "hann",
-        "overlap": 0.5,
-        "detrend": "constant",
-        "scaling": "density",
-        "average": "mean",
-        "max_order": None,
-        "by_direction": False,
-        "short": "raise",
-    }
-    psd, cross = defaults(OrderPSD), defaults(OrderCrossSpectrum)
-    assert {name: psd[name] for name in planned} == planned
-    shared = {"revolutions", "overlap", "max_order", "by_direction", "short"}
-    assert {name: cross[name] for name in planned if name in cross} == {
-        name: planned[name] for name in shared
-    }
 
 
 def test_by_default_a_segment_is_16_revolutions_long():

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy import fft
 
 from emacm._kernels import using
@@ -60,26 +58,6 @@ def test_a_mean_far_above_a_signal_in_float32_changes_nothing(name, length):
 
 
 @pytest.mark.slow
-@given(
-    quarter=st.integers(16, 300),
-    share=st.floats(0, 1),
-    step=st.integers(1, 500),
-    window=st.sampled_from([np.ones, np.hanning, np.kaiser]),
-    remove_mean=st.booleans(),
-    seed=st.integers(0, 1000),
-)
-def test_the_lowest_lines_are_those_of_scipy(quarter, share, step, window, remove_mean, seed):
-    length = 4 * quarter
-    weights = window(length, 8.0) if window is np.kaiser else window(length)
-    signals = np.random.default_rng(seed).standard_normal((3, length + 4 * step))
-    n_lines = max(1, int(share * length / 16))
-    cut = signals, 0, step, weights, 5
-    expected = by_scipy(*cut, remove_mean)
-    found = segment_powers("numba", *cut, n_lines, remove_mean)
-    np.testing.assert_allclose(found, expected[:, :n_lines], atol=1e-13 * expected.max(), rtol=0)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("length", [64, 512, 4096])
 def test_no_tone_above_the_lines_wanted_aliases_onto_them(length):
     n_lines = length // 16
@@ -106,34 +84,3 @@ def test_the_mean_is_kept_unless_it_is_to_be_removed(name):
     signals = np.full((1, 524), 2.0)
     powers = segment_powers(name, signals, 0, 524, np.ones(524), 1, 10, False)
     np.testing.assert_allclose(powers[0], [(2 * 524) ** 2] + [0] * 9, atol=1e-18 * 524**4)
-
-
-@both_kernels
-@pytest.mark.parametrize("length", [2, 4, 6, 7, 8, 10, 12, 64, 72])
-def test_any_number_of_lines_may_be_wanted(name, length):
-    signals = np.random.default_rng(0).standard_normal((2, 4 * length))
-    cut = signals, 1, length // 2, np.hanning(length + 2)[1:-1], 5
-    expected = by_scipy(*cut, True)
-    for n_lines in range(1, length // 2 + 2):
-        found = segment_powers(name, *cut, n_lines, True)
-        np.testing.assert_allclose(found, expected[:, :n_lines], rtol=1e-11, atol=1e-20)
-
-
-@both_kernels
-@pytest.mark.parametrize("n_segments", [1, 2, 3, 8])
-@pytest.mark.parametrize("length", [9, 16, 75, 128])
-def test_segments_may_be_odd_in_number_and_in_length(name, n_segments, length):
-    signals = 3 + np.random.default_rng(0).standard_normal((3, 8 * length))
-    cut = signals, 2, length // 2, np.hanning(length), n_segments
-    found = segment_powers(name, *cut, length // 2 + 1, True)
-    np.testing.assert_allclose(found, by_scipy(*cut, True), rtol=1e-11, atol=1e-20)
-
-
-@both_kernels
-@pytest.mark.parametrize("arranged", [np.asfortranarray, lambda rows: rows[:, ::2], np.float32])
-def test_signals_may_lie_in_memory_in_any_way(name, arranged):
-    signals = arranged(np.random.default_rng(0).standard_normal((3, 1000)))
-    cut = 5, 32, np.hanning(64), 7
-    found = segment_powers(name, signals, *cut, 33, True)
-    exact = np.array(signals, np.float64, order="C")
-    np.testing.assert_array_equal(found, segment_powers(name, exact, *cut, 33, True))

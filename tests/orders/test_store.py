@@ -7,7 +7,6 @@ import joblib
 import numpy as np
 import pytest
 from joblib import parallel_config
-from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
 
@@ -89,14 +88,6 @@ def test_meta_does_not_count(calls, tmp_path):
     assert len(calls) == 1
 
 
-def test_a_clone_finds_what_was_kept(calls, tmp_path):
-    psd = OrderPSD(4, memory=tmp_path)
-    X = over_angle(run())
-    psd.fit_transform(X)
-    clone(psd).fit_transform(X)
-    assert len(calls) == 1
-
-
 def test_padded_and_whole_segments_are_kept_apart(calls, tmp_path):
     X = over_angle(run())
     for short in ("raise", "pad"):
@@ -126,18 +117,6 @@ def test_recordings_that_differ_in_one_thing_are_kept_apart(calls, tmp_path, oth
 ROWS = np.random.default_rng(0).standard_normal((3, 400))
 
 
-@pytest.mark.parametrize(
-    "X", [ROWS, ROWS.astype(np.float32), list(ROWS), [row[: 300 + i] for i, row in enumerate(ROWS)]]
-)
-@pytest.mark.parametrize("theta_s", [None, THETA_S])
-def test_bare_rows_are_kept_too(calls, tmp_path, X, theta_s):
-    psd = OrderPSD(4, theta_s=theta_s, memory=tmp_path)
-    first = psd.fit_transform(X)
-    np.testing.assert_array_equal(psd.fit_transform(X), first)
-    assert len(calls) == 3
-    np.testing.assert_array_equal(OrderPSD(4, theta_s=theta_s).fit_transform(X), first)
-
-
 def test_a_row_that_was_changed_is_estimated_again(tmp_path):
     rows = ROWS.copy()
     psd = OrderPSD(4, theta_s=THETA_S, memory=tmp_path)
@@ -145,14 +124,6 @@ def test_a_row_that_was_changed_is_estimated_again(tmp_path):
     rows[0] *= 2
     expected = OrderPSD(4, theta_s=THETA_S).fit_transform(rows)
     np.testing.assert_array_equal(psd.transform(rows), expected)
-
-
-def test_changes_of_the_table_do_not_show_in_what_is_kept(tmp_path):
-    psd = OrderPSD(4, memory=tmp_path)
-    X = over_angle(run())
-    expected = psd.fit_transform(X).copy()
-    psd.transform(X)[:] = 0
-    np.testing.assert_array_equal(psd.transform(X), expected)
 
 
 def test_a_refused_recording_is_refused_each_time_and_the_others_are_kept(calls, tmp_path):
@@ -232,17 +203,3 @@ def test_progress_shows_recordings_done_rate_and_time_left(capfd, tmp_path, memo
     assert "3/3" in err
     assert "recording" in err
     assert "<00:0" in err
-
-
-def test_spectra_by_direction_are_found_again(tmp_path, monkeypatch):
-    times = np.arange(int(FS * 12)) / FS
-    X = over_angle(run(seconds=12, velocity=50 * np.sin(times)))
-    psd = OrderPSD(4, memory=tmp_path, by_direction=True)
-    expected = psd.fit_transform(X)
-    assert psd.by_direction_
-
-    def estimate(self, row):
-        raise AssertionError("estimated again")
-
-    monkeypatch.setattr(SegmentPlan, "spectra_of", estimate)
-    np.testing.assert_array_equal(psd.transform(X), expected)

@@ -241,15 +241,6 @@ def test_a_signal_times_c_has_its_spectrum_times_c_squared(factor):
     np.testing.assert_allclose(scaled, factor**2 * psd, rtol=1e-9, atol=1e-25 * factor**2)
 
 
-def test_leading_axes_stay():
-    signals = noise(2, 3, 800)
-    _, psd = order_psd(signals, 32, revolutions=5)
-    assert psd.shape == (2, 3, 81)
-    np.testing.assert_allclose(
-        psd[1, 2], order_psd(signals[1, 2], 32, revolutions=5)[1], rtol=1e-12
-    )
-
-
 # Strokes
 
 

@@ -17,7 +17,7 @@ from bearing_models import (
 )
 from sklearn.decomposition import PCA
 from sklearn.ensemble import RandomForestClassifier
-from sklearn.pipeline import FeatureUnion, make_pipeline
+from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from emacm import (
@@ -35,7 +35,6 @@ from emacm import (
 from emacm.reports.maintenance import read_settings
 from emacm.reports.pages import Page, lines_of_envelopes, page_of
 from emacm.reports.pictures import drawn
-from emacm.resampling.order_resampler import SignalCache
 
 
 def page(model, new, name="run 7", **options):
@@ -256,17 +255,6 @@ def test_a_finding_that_the_training_has_too_is_a_note():
     assert found.first == []
     assert not found.doubtful
     assert any(text.startswith("As in the training: ") for text in found.notes)
-
-
-def test_features_of_the_actuator_recipe_are_in_decibels_where_they_are_powers():
-    powers = make_pipeline(*steps(FunctionTransformer(np.log))[1:4])
-    union = FeatureUnion([("powers", powers), ("levels", RecordingStatistics(("std",)))])
-    inner = FeatureUnion([("over_angle", make_pipeline(steps()[0], SignalCache(), union))])
-    model = fitted(make_pipeline(inner, StandardScaler(), steps()[-1]))
-    found = page(model, recording("outer race", 99))
-    first = found.rows[0]
-    assert (first.component, first.channel) == ("outer ring (drive end BPFO)", "vib")
-    assert first.raised == page(bins_model(), recording("outer race", 99)).rows[0].raised
 
 
 def test_an_envelope_is_named_as_such():

@@ -400,17 +400,6 @@ def test_all_at_another_pace_changes_nothing(factor, antialias, speed):
     np.testing.assert_allclose(quick, slow, atol=1e-12)
 
 
-@pytest.mark.parametrize("resample", [spread_to_angle, interpolate_to_angle])
-def test_signals_resampled_together_are_as_resampled_alone(resample):
-    _, path = steady(20.0, 5000.0, 1.0)
-    signals = np.random.default_rng(8).standard_normal((2, 3, 5000))
-    _, together = resample(signals, 5000.0, path, theta_s=THETA_S)
-    assert together.shape == (2, 3, path.count(THETA_S))
-    for index in np.ndindex(2, 3):
-        _, alone = resample(signals[index], 5000.0, path, theta_s=THETA_S)
-        np.testing.assert_allclose(together[index], alone, atol=1e-12)
-
-
 # Without the filter: the thesis, and its faults
 
 
@@ -433,20 +422,6 @@ def test_cubic_interpolation_is_exact_for_a_cubic_of_time():
     )
     moments = angles / TURN
     np.testing.assert_allclose(resampled, 3 * moments**3 - moments**2 + 2, atol=1e-12)
-
-
-def test_the_resampler_interpolates_only_without_the_filter():
-    fs = 4000
-    recording = Recording({"x": tone("ramp", 40, fs)}, fs, **shaft("ramp", "angle", fs))
-
-    def signals(**options):
-        return OrderResampler(THETA_S, **options).fit_transform([recording])[0].strokes[0].signals
-
-    np.testing.assert_array_equal(signals(interpolation="linear"), signals(interpolation="cubic"))
-    linear = signals(antialias=False, interpolation="linear")
-    cubic = signals(antialias=False, interpolation="cubic")
-    assert np.abs(linear - cubic).max() > 0.1
-    np.testing.assert_array_equal(signals(antialias=False), cubic)
 
 
 def test_interpolation_passes_over_a_shaft_that_stands_still():

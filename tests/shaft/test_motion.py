@@ -13,10 +13,7 @@ from emacm.shaft.angle import angle_from_velocity
 from emacm.shaft.motion import (
     DifferentiatedVelocity,
     IntegratedAngle,
-    JoinedTravel,
-    ScaledTravel,
     ShaftPath,
-    Stroke,
 )
 
 FS = 1000.0
@@ -70,15 +67,6 @@ def test_strokes_do_not_depend_on_the_blocks_they_are_found_in(monkeypatch, bloc
     for one, other in zip(found, expected, strict=True):
         assert (one.start_time, one.direction) == (other.start_time, other.direction)
         np.testing.assert_allclose(one.travel, other.travel, atol=1e-9)
-
-
-@given(limits=slices)
-def test_any_slice_of_joined_strokes_is_that_of_the_whole(limits):
-    strokes = [Stroke(10, 700, 1), Stroke(700, 1500, -1), Stroke(1600, 2900, 1)]
-    travel = JoinedTravel(ANGLE, strokes)
-    whole = np.asarray(travel)
-    assert len(travel) == len(whole) == 2890
-    np.testing.assert_allclose(travel[slice(*limits)], whole[slice(*limits)], atol=1e-12)
 
 
 def test_a_path_knows_how_far_the_shaft_turns_back():
@@ -149,37 +137,3 @@ def test_samples_over_the_angle_are_counted_from_the_start():
     assert [path.count(step) for step in (1.0, 3.0, 3.1, 0.7, 3 / 2**31)] == [4, 2, 1, 5, 2**31 + 1]
     with pytest.raises(ValueError, match=r"theta_s = 1e-09 rad would make 3e\+09 .* 0.477 rev"):
         path.count(1e-9)
-
-
-def test_a_geared_shaft_turns_by_the_ratio_as_far():
-    travel = np.array([0.0, 2, 5, 4, 3.5, 6, 9, 8.9, 10])
-    path = ShaftPath(travel, FS, 0.7, 3.0, -1)
-    geared = path.geared(2.5)
-    assert path.geared(1) is path
-    assert (geared.n_times, geared.length, geared.max_reversal) == (9, 25, 3.75)
-    assert (geared.fs, geared.start_time, geared.start_angle, geared.direction) == (
-        FS,
-        0.7,
-        7.5,
-        -1,
-    )
-    assert geared.fastest == pytest.approx(7.5 * FS)
-    np.testing.assert_array_equal(geared.travel[2:5], 2.5 * travel[2:5])
-    (stroke,) = stroke_paths(IntegratedAngle(VELOCITY**2 + 1, FS), VELOCITY**2 + 1, FS)
-    turned = stroke.geared(0.5)
-    expected = [stroke.n_times, stroke.length / 2, stroke.fastest / 2, 0]
-    known = [turned.n_times, turned.length, turned.fastest, turned.max_reversal]
-    assert known == expected
-    assert "_extremes" not in vars(turned)  # they are known without reading the travel
-
-
-def test_the_travel_since_another_angle_is_shifted():
-    angle = np.array([0.0, 1, 3, 6, 5])
-    path = ShaftPath(ScaledTravel(angle, 1, 4, origin=1.0), FS, 0.0, 1.0, 1)
-    np.testing.assert_array_equal(path.travel, [0, 2, 5])
-    moved = path.starting_before(0.5)
-    np.testing.assert_array_equal(moved.travel, [0.5, 2.5, 5.5])
-    assert (moved.start_angle, moved.length, path.length) == (0.5, 5.5, 5)
-    back = ShaftPath(ScaledTravel(angle, 3, 5, origin=6.0, scale=-1), FS, 0.0, 6.0, -1)
-    np.testing.assert_array_equal(back.starting_before(1.0).travel, [1, 2])
-    assert back.starting_before(1.0).start_angle == 7

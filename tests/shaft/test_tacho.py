@@ -101,32 +101,11 @@ def test_a_gap_of_several_pulses_is_filled():
     assert worst(tacho, pulses, "ramp") < 1e-10
 
 
-@one_way
-@pytest.mark.parametrize("apart", [2, 3])
-def test_two_gaps_close_together_are_both_filled(motion, apart):
-    pulses = pulses_of(motion)
-    lost = [8, 8 + apart]
-    tacho = angle_from_pulses(np.delete(pulses, lost), FS, len(TIME))
-    np.testing.assert_allclose(tacho.missing, pulses[lost], atol=0.02)
-    assert len(tacho.double) == 0
-
-
 @pytest.mark.parametrize("lost", [1, 2, -3, -2])
 def test_a_pulse_lost_in_the_end_intervals_is_found_at_constant_speed(lost):
     pulses = pulses_of("constant")
     tacho = angle_from_pulses(np.delete(pulses, lost), FS, len(TIME))
     np.testing.assert_allclose(tacho.missing, pulses[[lost]], atol=1e-9)
-
-
-@pytest.mark.parametrize("before", [0, 1, 2, -4, -3, -2])
-@pytest.mark.parametrize("share", [0.05, 0.3, 0.5, 0.7, 0.95])
-def test_a_double_pulse_in_the_end_intervals_is_found_at_constant_speed(before, share):
-    pulses = pulses_of("constant")
-    stray = pulses[before] + share * (pulses[before + 1] - pulses[before])
-    tacho = angle_from_pulses(np.sort(np.append(pulses, stray)), FS, len(TIME))
-    np.testing.assert_array_equal(tacho.double, [stray])
-    assert len(tacho.missing) == 0
-    assert worst(tacho, pulses, "constant") < 1e-10
 
 
 def test_missing_and_double_pulses_are_repaired_together():

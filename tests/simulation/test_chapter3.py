@@ -9,27 +9,6 @@ from emacm.simulation import CHAPTER3_ORDERS, chapter3_recording, chapter3_recor
 TURN = 2 * np.pi
 
 
-def test_every_constant_is_a_parameter():
-    run = chapter3_recording(
-        "worn",
-        sigma=0,
-        duration=1.0,
-        fs=1000,
-        mean_speed=30.0,
-        speed_frequency=2.0,
-        supply_amplitude=0.2,
-        defect_amplitude=0.3,
-        defect_orders={"worn": 7.5},
-    )
-    times = np.arange(1000) / 1000
-    theta = 30 * times - 30 / (TURN * 2) * np.cos(TURN * 2 * times)
-    current = 5 * np.sin(6 * theta) + 0.2 * np.sin(TURN * 100 * times) + 0.3 * np.sin(7.5 * theta)
-    speed = 30 * (1 + np.sin(TURN * 2 * times))
-    assert np.abs(run.velocity - speed).max() < 1e-12
-    assert np.abs(run.signals["current"] - current).max() < 1e-12
-    assert run.meta["severity"] == pytest.approx(3)
-
-
 @pytest.mark.parametrize("label", ["defect 1", "defect 2"])
 def test_a_defect_stands_at_its_order(label):
     runs, _ = chapter3_recordings(4)

@@ -218,22 +218,6 @@ def test_blocks_of_single_samples_and_rows_of_an_array_one_of_which_is_not_used(
     )
 
 
-@pytest.mark.parametrize("reference", ["velocity", "angle"])
-def test_intervals_end_at_the_same_time_for_blocks_of_single_samples(reference):
-    recording = recorded("ramp", RATES["one rate"], reference, duration=1.2)
-    model = model_of(recording)
-    shaft = getattr(recording, reference)
-    rows = np.stack(list(recording.signals.values()))
-    found = []
-    for n in (1, 500):
-        monitor, readings = monitor_of(model, recording, every=1.5), []
-        for k in range(0, rows.shape[1], n):
-            readings += monitor.push(rows[:, k : k + n], **{reference: shaft[k : k + n]})
-        found.append([reading.time for reading in readings])
-    assert found[0] == found[1]
-    assert len(found[0]) == 2
-
-
 def test_a_wrapped_angle_is_continued_over_the_blocks():
     recording = recorded("reversing", RATES["one rate"], "angle")
     wrapped = Recording(recording.signals, 2000.0, angle=np.mod(recording.angle, TURN))
@@ -297,18 +281,6 @@ def test_what_is_held_does_not_grow():
         sizes.append(len(monitor.state()))
     assert max(sizes[200:]) < 1.01 * max(sizes[:200])
     assert monitor.time == pytest.approx(400 * 400 / fs)
-
-
-def test_a_long_rest_is_not_held_where_it_ends_the_stroke():
-    recording = recorded("ramp", RATES["one rate"], "velocity")
-    model = model_of(recording, steps=chain(min_speed=0.1, max_rest=0.5))
-    monitor = monitor_of(model, recording)
-    still = {"force": np.ones(1000), "axial": np.zeros(1000)}
-    sizes = []
-    for _ in range(40):
-        monitor.push(still, velocity=np.full(1000, 0.01))
-        sizes.append(len(monitor.state()))
-    assert max(sizes[5:]) < 1.01 * sizes[5]
 
 
 # Readings

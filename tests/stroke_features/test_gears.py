@@ -1,11 +1,7 @@
 """Facts about synchronous averages and gear indicators: what stays, what goes, known values."""
 
-import pickle
-
 import numpy as np
 import pytest
-from sklearn.base import clone
-from sklearn.pipeline import make_pipeline
 
 from emacm import GearIndicators, OrderResampler, Recording, SynchronousAverage
 from emacm.stroke_features.gears import (
@@ -138,16 +134,6 @@ def test_what_another_shaft_does_averages_out():
     np.testing.assert_allclose(case, expected, atol=0.03)
 
 
-@pytest.mark.parametrize("ratio", [13 / 35, 2.5])
-def test_any_shaft_is_averaged_by_its_ratio(ratio):
-    recording = gearbox(0, turns=150, ratio=ratio)
-    resampled = over_angle(recording, ratio=ratio)
-    average = SynchronousAverage(channels=["case"], by_direction=False).fit_transform(resampled)
-    angle = TURN * np.arange(N) / N
-    expected = np.cos(TEETH * angle) + 0.3 * np.cos(2 * TEETH * angle + 1)
-    np.testing.assert_allclose(average[0], expected, atol=0.06)
-
-
 def test_strokes_of_both_directions_are_aligned_at_the_shaft_angle():
     forward, reverse = over_angle(gearbox(0), gearbox(1, reverse=True))
     averages = SynchronousAverage(channels=["case"], by_direction=False)
@@ -182,15 +168,6 @@ def test_forward_and_reverse_flanks_are_apart():
     rows = over_angle(Recording({"case": amplitude * np.cos(9 * angle)}, FS, angle=angle))
     average = SynchronousAverage().fit_transform(rows).reshape(2, N)
     np.testing.assert_allclose(average.max(axis=1), [1, 3], rtol=0.01)
-
-
-def test_indicators_work_in_pipelines_and_are_cloned_and_pickled():
-    recordings = [gearbox(seed) for seed in range(3)]
-    pipe = make_pipeline(OrderResampler(TURN / N), GearIndicators(TEETH, by_direction=False))
-    found = pipe.fit_transform(recordings)
-    assert found.shape == (3, 2 * len(INDICATORS))
-    np.testing.assert_array_equal(clone(pipe).fit(recordings).transform(recordings), found)
-    np.testing.assert_array_equal(pickle.loads(pickle.dumps(pipe)).transform(recordings), found)
 
 
 def test_a_sideband_level_is_relative_to_the_rms():

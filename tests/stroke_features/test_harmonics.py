@@ -113,16 +113,6 @@ def test_strokes_are_averaged_as_vectors_so_that_opposite_ones_cancel():
     assert found[0, 0] == pytest.approx(0, abs=1e-3)
 
 
-def test_a_stroke_too_short_for_a_revolution_is_passed_over():
-    speed = np.repeat([TURN, -TURN, TURN], [10 * FS, FS // 2, 3 * FS])
-    angle = np.cumsum(speed) / FS
-    assert lines([recording(angle, np.cos(angle))], orders=(1,))[0, 0] == pytest.approx(1)
-    with pytest.raises(
-        ValueError, match=r"'current', reverse strokes: .* the longest stroke has 0\.498"
-    ):
-        lines([recording(angle, np.cos(angle))], by_direction=True)
-
-
 def test_parts_of_less_than_a_revolution_are_refused():
     angle = np.linspace(0, 5 * TURN, 1000)
     with pytest.raises(ValueError, match=r"each of 6 sections of a stroke, .* has 5 revolutions"):

@@ -84,18 +84,6 @@ def test_profiles_are_linear_in_the_signal(scale, offset):
     np.testing.assert_allclose(other, scale * one + [[offset, 0, 0, 0]] * 2, atol=1e-10)
 
 
-def test_the_columns_say_what_they_are():
-    recording = out_and_back(lambda p: p)
-    assert StrokeProfile(2, by_direction=False).fit(
-        [recording]
-    ).get_feature_names_out().tolist() == [
-        "force:cosine0",
-        "force:cosine1",
-    ]
-    names = StrokeProfile(2, basis="mean").fit([recording]).get_feature_names_out().tolist()
-    assert names == ["force+:segment0", "force+:segment1", "force-:segment0", "force-:segment1"]
-
-
 @pytest.mark.parametrize(
     ("parameters", "error", "message"),
     [

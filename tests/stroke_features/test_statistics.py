@@ -163,17 +163,6 @@ def test_a_stroke_that_is_passed_over_belongs_to_rest():
     np.testing.assert_allclose(found[1:], [9 / 4, 9 / 2, 9])
 
 
-def test_a_transient_as_long_as_the_stroke_is_the_stroke():
-    names = ("mean", "rms", "peak")
-    signal = np.random.default_rng(1).normal(size=SPEED.size)
-    found = described(
-        signal, names, sections=("stroke", "start", "stop"), transient=60.0, by_direction=False
-    )
-    for name in names:
-        whole = found[f"current:{name}"]
-        assert found[f"current:start:{name}"] == found[f"current:stop:{name}"] == whole
-
-
 def test_a_constant_channel_is_named_with_its_strokes():
     with pytest.raises(
         ValueError,

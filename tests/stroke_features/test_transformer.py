@@ -1,13 +1,11 @@
 """Facts about the named columns of strokes inside scikit-learn, and about what they refuse."""
 
-import pickle
-
 import joblib
 import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import clone
-from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_score
+from sklearn.model_selection import GroupKFold, cross_val_score
 from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
@@ -123,14 +121,6 @@ def test_a_recording_does_not_depend_on_the_others(kind):
 
 
 @kinds_over_time
-def test_numbers_are_the_same_with_workers_after_pickle_and_for_a_tuple(kind):
-    table = clone(kind).fit_transform(FLEET)
-    np.testing.assert_array_equal(clone(kind).set_params(n_jobs=2).fit_transform(FLEET), table)
-    fitted = pickle.loads(pickle.dumps(clone(kind).fit(FLEET)))
-    np.testing.assert_array_equal(fitted.transform(tuple(FLEET)), table)
-
-
-@kinds_over_time
 def test_without_directions_no_column_has_a_sign(kind):
     names = clone(kind).set_params(by_direction=False).fit(FLEET).get_feature_names_out()
     assert {name.partition(":")[0] for name in names} == {"current", "position"}
@@ -155,21 +145,6 @@ def test_over_time_and_over_the_angle_the_numbers_agree_but_for_the_weight_of_sa
     np.testing.assert_allclose(resampled, table, rtol=0.02, atol=0.02)
 
 
-@kinds
-def test_it_sees_all_strokes_of_a_direction(kind):
-    # What is done twice in one recording gives what it gives once.
-    cycle = np.concatenate([np.zeros(100), np.full(500, 30 * TURN / 15), np.zeros(100)])
-    velocity = np.concatenate([cycle, -cycle])
-    angle = np.cumsum(velocity) / 500
-    signal = 2 + np.cos(angle) + 0.1 * np.sin(np.arange(len(angle)))
-    once = Recording({"current": signal}, 500, angle=angle)
-    twice = Recording({"current": np.tile(signal, 2)}, 500, angle=np.tile(angle, 2))
-    calm = clone(kind).set_params(min_speed=1)  # above the rounding of the angle at rest
-    np.testing.assert_allclose(
-        calm.fit_transform([twice]), calm.fit_transform([once]), rtol=1e-9, atol=1e-9
-    )
-
-
 def union():
     bins = make_pipeline(
         OrderResampler(THETA_S, min_speed=10),
@@ -187,14 +162,6 @@ def union():
     )
 
 
-def test_a_feature_union_puts_them_beside_order_bins_with_their_names():
-    frame = union().set_output(transform="pandas").fit_transform(FLEET)
-    for name in ("bins__current+@0-1", "levels__current-:kurtosis", "levels__current:rest:rms"):
-        assert name in frame.columns
-    assert "profile__position+:cosine2" in frame.columns
-    assert "lines__current+:cos1" in frame.columns
-
-
 def monitoring():
     return make_pipeline(
         union(), StandardScaler(), CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto")
@@ -204,18 +171,6 @@ def monitoring():
 def test_a_pipeline_tells_a_worn_drive_by_them():
     scores = cross_val_score(monitoring(), FLEET, Y, groups=GROUPS, cv=GroupKFold(3))
     assert scores.min() == 1
-
-
-@pytest.mark.slow
-def test_their_parameters_can_be_searched():
-    space = {
-        "featureunion__profile__n_coefficients": [1, 4],
-        "featureunion__levels__statistics": [("rms",), ("mean", "peak")],
-        "featureunion__lines__orderresampler__theta_s": [TURN / 16, TURN / 32],
-    }
-    search = GridSearchCV(monitoring(), space, cv=2, n_jobs=2).fit(FLEET, Y)
-    assert np.isfinite(search.cv_results_["mean_test_score"]).all()
-    assert search.predict(FLEET[:3]).tolist() == ["healthy", "worn", "healthy"]
 
 
 def test_a_saved_pipeline_decides_as_before(tmp_path):

@@ -1,10 +1,9 @@
 """What chapter 3 of the thesis says, under each way to read it."""
 
-import numpy as np
 import pytest
 
 from chapter3 import reproduce_chapter3
-from chapter3_readings import NO_LOW_HZ, outcome
+from chapter3_readings import NO_LOW_HZ
 
 pytestmark = pytest.mark.slow
 
@@ -62,16 +61,3 @@ def test_in_hertz_classes_are_guessed_and_in_orders_known(chapter):
     assert right["orders, new runs [%]"] > 95
     assert 20 < right["Hz, new runs [%]"] < 50
     assert right["Hz, new runs [%]"] < right[f"{NO_LOW_HZ}, new runs [%]"] < 80
-
-
-def test_an_outcome_knows_perfect_classes():
-    rng = np.random.default_rng(0)
-    labels = np.repeat(["healthy", "defect 1", "defect 2"], 50)
-    bins = 0.01 * rng.standard_normal((150, 50))
-    bins[labels == "defect 1", 3] += 1
-    bins[labels == "defect 2", 10] += 2
-    found = outcome(bins, labels, np.tile(np.arange(50) < 40, 3))
-    assert (found["bin that leads PC1"], found["bin that leads PC2"]) == (11, 4)
-    assert found["share of two components [%]"] > 99
-    assert found["correct, healthy"] == found["correct, defect 1"] == 40
-    assert found["new runs classified correctly [%]"] == 100

@@ -63,20 +63,6 @@ def test_only_random_figures_count_as_evidence():
     assert counted(chapter.findings).endswith("3 other figures")
 
 
-@pytest.mark.parametrize(
-    ("published", "slack", "agrees"),
-    [(8, 0, (True, False)), (2.5, 0, (True, True)), (9.4, 0, (False, False)),
-     (9.4, 0.5, (True, False))],
-)  # fmt: skip
-def test_the_middle_half_of_the_draws_is_narrower_than_their_range(published, slack, agrees):
-    draws = [1.0, 2.0, 3.0, 4.0, 9.0]
-    chapter = Chapter(2, "Ranges", pd.DataFrame())
-    found = chapter.compare("a", published, draws, "", slack=slack)
-    assert (found.ours, found.draws) == (3.0, 5)
-    assert (found.low, found.high) == (1 - slack, 9 + slack)
-    assert (found.agrees_by_range, found.agrees_by_median) == agrees
-
-
 @pytest.mark.slow
 def test_the_command_writes_a_report_and_keeps_one_that_is_there(tmp_path):
     command = [sys.executable, "-W", "error", str(FOLDER), "--quick", "--out", str(tmp_path)]
