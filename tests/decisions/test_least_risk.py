@@ -163,6 +163,22 @@ def test_a_calibrated_classifier_decides_by_cost():
     assert "inspect" in model.predict(LATER)
 
 
+def test_weights_reach_the_estimator_and_its_prior():
+    weight = np.arange(len(Y)) % 3
+    for estimator in (GaussianNB(), make_pipeline(StandardScaler(), LogisticRegression())):
+        model = LeastRiskClassifier(estimator, priors="uniform").fit(X, Y, weight)
+        repeated = LeastRiskClassifier(estimator, priors="uniform")
+        repeated.fit(np.repeat(X, weight, axis=0), np.repeat(Y, weight))
+        np.testing.assert_allclose(model.estimator_priors_, repeated.estimator_priors_)
+    np.testing.assert_allclose(
+        LeastRiskClassifier(GaussianNB()).fit(X, Y, weight).predict_proba(LATER),
+        LeastRiskClassifier(GaussianNB())
+        .fit(np.repeat(X, weight, axis=0), np.repeat(Y, weight))
+        .predict_proba(LATER),
+        rtol=1e-6,
+    )
+
+
 def test_a_search_inside_and_outside():
     grid = {"var_smoothing": [1e-9, 0.3]}
     inside = LeastRiskClassifier(GridSearchCV(GaussianNB(), grid), COSTS["mapping"]).fit(X, Y)

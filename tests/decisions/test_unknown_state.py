@@ -287,6 +287,20 @@ def test_a_temperature_needs_a_class_whose_covariance_remains_without_a_group():
     assert tied.temperature_ > 0
 
 
+def test_recordings_without_weight_take_no_part_in_the_calibration():
+    X, y, units = draw(20)
+    X = np.vstack([X, 9 * FAR, 5 * FAR, X[:5] + 3])
+    y, units = np.append(y, ["worn", "dry", *y[:5]]), np.append(units, ["u1", "u2", *units[:5]])
+    weight = np.ones(len(X))
+    weight[63:] = 0.0
+    model = CostSensitiveGaussianBayes(shrinkage=0.1, unknown="unknown", temperature="groups")
+    weighted = clone(model).fit(X, y, weight, groups=units)
+    without = clone(model).fit(X[:63], y[:63], groups=units[:63])
+    assert weighted.temperature_ == pytest.approx(without.temperature_)
+    np.testing.assert_allclose(weighted.typicality(X), without.typicality(X))
+    np.testing.assert_array_equal(weighted.feature_range_, without.feature_range_)
+
+
 def test_groups_of_another_length_or_with_gaps_are_errors():
     X, y, units = draw(19)
     with pytest.raises(ValueError, match="63"):
