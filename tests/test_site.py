@@ -52,13 +52,11 @@ def test_examples_ask_a_question_and_are_short():
         assert len(lines) < 40, example
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    """Return the pages of the site by path: their text, their links and their anchors."""
+def built(folder):
+    """Build the site; return the texts of its pages by path."""
     missing = [name for name in NEEDED.split() if find_spec(name) is None]
     if missing:
         pytest.skip(f"the extra site is not installed: {missing}")
-    folder = tmp_path_factory.mktemp("site") / "copy"
     others = shutil.ignore_patterns(".*", "tests", "benchmarks", "examples", "reference", "site")
     shutil.copytree(ROOT, folder, ignore=others)
     command = [sys.executable, "-m", "sphinx", "-W", "-q", "notebooks", "html"]
@@ -78,18 +76,16 @@ def links(page, text):
 
 
 @pytest.mark.slow
-def test_no_link_within_the_site_is_dead(site):
-    for page, text in site.items():
-        for target, anchor in links(page, text):
+def test_no_link_is_dead_and_each_question_is_answered_within_three_clicks(tmp_path):
+    site = built(tmp_path / "copy")
+    linked = {page: list(links(page, text)) for page, text in site.items()}
+    for page, found in linked.items():
+        for target, anchor in found:
             assert target.exists(), (page.name, target)
             assert not anchor or f'id="{anchor}"' in site[target], (page.name, target.name, anchor)
-
-
-@pytest.mark.slow
-def test_each_question_is_answered_within_three_clicks(site):
     reached = {min(site, key=lambda page: (len(page.parts), page.name != "index.html"))}
     for _ in range(3):
-        reached |= {target for page in reached & set(site) for target, _ in links(page, site[page])}
+        reached |= {target for page in reached & set(site) for target, _ in linked[page]}
     answers = {page.stem: re.sub(r"<[^>]+>", "", site[page]) for page in reached & set(site)}
     for question, (name, words) in QUESTIONS.items():
         assert words in unescape(answers.get(name, "")), question

@@ -88,7 +88,7 @@ def test_a_short_baseline_counts_as_uncertain():
 @pytest.mark.slow
 @pytest.mark.parametrize("own", [True, False])
 def test_the_false_alarm_rate_holds_for_new_recordings(own):
-    rng, alarms, sizes = np.random.default_rng(4), 0.0, 30
+    rng, alarms, sizes = np.random.default_rng(4), 0.0, 20
     for _ in range(sizes):
         X, units = fleet(20, 6, rng)
         index = HealthIndex(0.1).fit(X[units < 19], groups=np.arange(114), units=units[units < 19])
