@@ -57,7 +57,7 @@ def built(folder):
     missing = [name for name in NEEDED.split() if find_spec(name) is None]
     if missing:
         pytest.skip(f"the extra site is not installed: {missing}")
-    others = shutil.ignore_patterns(".*", "tests", "benchmarks", "examples", "reference", "site")
+    others = shutil.ignore_patterns(".*", "tests", "benchmarks", "examples", "site")
     shutil.copytree(ROOT, folder, ignore=others)
     command = [sys.executable, "-m", "sphinx", "-W", "-q", "notebooks", "html"]
     subprocess.run(command, cwd=folder, check=True)
