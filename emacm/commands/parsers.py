@@ -155,9 +155,10 @@ def _train(command: Add) -> None:
     _add_pattern(add)
     like = "model whose classifier is fitted again, on the features that its other steps made"
     add("--like", type=_existing, metavar="MODEL", help=like)
-    add("--labels", required=True, metavar="KEY", help="key of meta with the state of the machine")
-    groups = "key of meta with the unit or run; the evaluation leaves out whole ones"
-    add("--groups", required=True, metavar="KEY", help=groups)
+    labels = "state of the machine: a field of the layout's meta, as state"
+    add("--labels", required=True, metavar="FIELD", help=labels)
+    groups = "unit or run, also such a field; the evaluation holds out whole units or runs"
+    add("--groups", required=True, metavar="FIELD", help=groups)
     recipe = (
         "orders: powers in order bins (default); actuator: emacm.actuator_recipe; bearing: levels "
         "of the lines of --bearing or --parts in the envelope"
@@ -167,8 +168,7 @@ def _train(command: Add) -> None:
     add("--out", required=True, type=_writable, metavar="MODEL", help="file of the model")
     add("--healthy", metavar="LABEL", help="label of the healthy state; default: healthy or normal")
     _add_extent(add)
-    add("--cost", type=_existing, metavar="CSV", help="costs, as for score")
-    add("--priors", metavar="P", help="priors, as for score")
+    _add_costs(add)
     add("--note", metavar="TEXT", help="text that is stored in the model file")
     add("--intended-use", metavar="TEXT", help="what the model is for, for its model card")
     add("--limits", metavar="TEXT", help="what the model is not for, for its model card")
@@ -193,8 +193,7 @@ def _score(command: Add) -> None:
     kept = "store the features in the history, from which emacm train --like learns again"
     add("--features", action="store_true", help=kept)
     add("--jobs", type=int, default=1, metavar="N", help="files in parallel")
-    add("--cost", type=_existing, metavar="CSV", help="costs: rows are decisions, columns truths")
-    add("--priors", metavar="P", help="'uniform', or as in healthy=0.9,inner=0.04,outer=0.06")
+    _add_costs(add)
     status = "exit status 1 if one of these decisions is made"
     add("--fail-on", default="", metavar="STATE,...", help=status)
     add(
@@ -310,15 +309,15 @@ def _trend(command: Add) -> None:
     )
     add("healthy", metavar="HEALTHY", type=_existing, nargs="?", help="folder of healthy files")
     _add_files(add, "*")
-    groups = "key of meta with the run of a healthy file; whole ones are left out for the limit"
-    add("--groups", metavar="KEY", help=groups)
+    groups = "run of a healthy file: a field of the layout's meta; the limit is of runs held out"
+    add("--groups", metavar="FIELD", help=groups)
     results = (
         "table of emacm score, in place of files, HEALTHY and --groups; the index is -log10 of "
         "P(healthy) or of the typicality, whichever is smaller; its limit that of --false-alarm"
     )
     add("--results", type=_existing, metavar="TABLE", help=results)
     add("--state", metavar="LABEL", help="healthy state in TABLE; default: healthy or normal")
-    add("--unit", metavar="KEY", help="key of meta with the unit")
+    add("--unit", metavar="FIELD", help="unit: a field of the layout's meta")
     _add_parts(add)
     _add_time(add)
     rate = (
@@ -426,10 +425,16 @@ def _check_recipe(options: argparse.Namespace) -> None:
 def _add_time(add: Add) -> None:
     """Add where the time of a recording is."""
     time = (
-        "key of meta with the time of a recording; default: when it started, if its file states "
-        "dates, else when the file was written"
+        "time of a recording: a field of the layout's meta; default: when it started, if its file "
+        "states dates, else when the file was written"
     )
-    add("--time", metavar="KEY", help=time)
+    add("--time", metavar="FIELD", help=time)
+
+
+def _add_costs(add: Add) -> None:
+    """Add costs and priors."""
+    add("--cost", type=_existing, metavar="CSV", help="costs: rows are decisions, columns truths")
+    add("--priors", metavar="P", help="'uniform', or as in healthy=0.9,inner=0.04,outer=0.06")
 
 
 def _add_extent(add: Add) -> None:
@@ -447,6 +452,6 @@ def _add_report_options(add: Add) -> None:
     actions = "recommended action for each decision: TOML, decision = 'text'"
     add("--actions", type=_existing, metavar="TOML", help=actions)
     _add_parts(add)
-    unit = "key of meta with the unit, for the page of the fleet and 'since when' in reports"
-    add("--unit", metavar="KEY", help=unit)
+    unit = "unit: a field of the layout's meta, for the page of the fleet and 'since when'"
+    add("--unit", metavar="FIELD", help=unit)
     _add_time(add)
