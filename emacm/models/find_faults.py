@@ -591,7 +591,7 @@ def _line_levels(
 
 def _sentence(fault: _Fault, faults: Sequence[_Fault]) -> str:
     """Describe the lines of a fault."""
-    name, (*others, last) = fault.series.name, [f"{height:.0f}" for height in fault.heights]
+    name, (*others, last) = fault.series.name, [f"{height:z.0f}" for height in fault.heights]
     lines = f"{name} and its harmonics are {', '.join(others)} and" if others else f"{name} is"
     beside = f", with {' and '.join(fault.sides)} sidebands" if fault.sides else ""
     kind = "" if fault.series.kind in ("", "given") else f": {fault.series.kind}"
