@@ -71,7 +71,8 @@ class FileColumns:
     def like_shaft(self) -> list[str]:
         """Return the columns and numbers with name or unit of the motion of a shaft."""
         names = (*self.columns, *self.numbers)
-        return [name for name in names if is_shaft_name(name, self.units.get(name, ""))]
+        shafts = [name for name in names if is_shaft_name(name, self.units.get(name, ""))]
+        return [name for name in shafts if not any(map(_is_rate, name.split("_")))]  # as fs_rpm
 
     def find(self, wanted: str, *, numbers: bool = False) -> str:
         """Return the full name of a column (or of a number) that a layout names.

@@ -115,6 +115,7 @@ def test_a_completed_draft_reads_the_file(tmp_path, write, suffix):
     write(path)
     assert main(["inspect", str(path), "--draft", str(draft), "--meta", "{unit}_{run:d}"]) == 0
     text = draft.read_text(encoding="utf-8")
+    assert "not used" not in text
     lines = (line.removeprefix("# ") if "FILL IN:" in line else line for line in text.splitlines())
     draft.write_text("\n".join(lines).replace("12000", "2560").replace("187.5", "40"))
     recording = open_recording(path, Layout.from_toml(draft))
