@@ -83,6 +83,12 @@ UESTC = Bearing(8, 7.938, 33.5)  # UC204, from its lines
 FAULTS = {"B": "BSF", "IR": "BPFI", "OR": "BPFO"}
 RINGS = ("BPFI", "BPFO")
 SIZES = (7, 14, 21)
+OTHERS = (
+    "0.37",
+    "0.5",
+    "2.5",
+    "1",
+)  # impacts per revolution of a belt, a piston, blades, the shaft
 RATE = 12_000
 CHANNEL = "casing"
 Runs = list[Recording]
@@ -336,14 +342,17 @@ def named_by_rig(rigs: dict[str, tuple[Runs, Bearing]]) -> list[dict[str, Any]]:
 
 
 def damaged(bearing: Bearing, sizes: dict[str, float], seed: int) -> Recording:
-    """Return a simulated bearing with some faults: struck resonances under noise, 6 s at 20 kHz."""
+    """Return a simulated bearing with some faults: struck resonances under noise, 6 s at 20 kHz.
+
+    A number as the name of a fault is the order of impacts that are not of the bearing.
+    """
     rng, fs, length = np.random.default_rng(seed), 20_000, 120_000
     rate = rng.choice([20.0, 25.0, 30.0, 35.0])
     lines = {line.name: line for line in bearing.lines()}
     x = 0.12 * rng.standard_normal(length)
     for name, size in sizes.items():
-        line = lines[name]
-        struck = line.order * line.strikes * rate * (1 + rng.uniform(-0.012, 0.005))
+        order = lines[name].order * lines[name].strikes if name in lines else float(name)
+        struck = order * rate * (1 + (rng.uniform(-0.012, 0.005) if name in lines else 0.0))
         times = np.cumsum((1 + 0.01 * rng.standard_normal(int(7 * struck))) / struck)
         times = times[times < 5.9]
         turn = {"BPFI": rate, "BSF": rate * lines["FTF"].order}.get(name)
@@ -369,6 +378,9 @@ def sets_of_faults(n_repeats: int) -> list[dict[str, Any]]:
                     named = find_faults([run], bearing)["named"][0].split(" + ")
                     exact.append(set(named) == set(faults))
             row[what] = float(np.mean(exact))
+        others = [damaged(bearing, {order: 1}, s) for order in OTHERS for s in range(n_repeats)]
+        named = find_faults(others, bearing)["named"]
+        row["other impacts: named"] = float((~named.isin(["none", "not assessed"])).mean())
         rows.append(row)
     return rows
 

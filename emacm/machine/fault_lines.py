@@ -77,6 +77,8 @@ class FaultSeries:
         Component or phenomenon, such as "inner ring".
     sidebands : tuple of (str, float)
         Name and order of each modulation.
+    strikes : int
+        Strikes per period of the lowest order of the part; 2 for a ball, which meets both rings.
     """
 
     name: str
@@ -84,6 +86,7 @@ class FaultSeries:
     slips: bool
     kind: str = ""
     sidebands: tuple[tuple[str, float], ...] = ()
+    strikes: int = 1
 
 
 def fault_series(
@@ -131,7 +134,7 @@ def fault_series(
     for number, part in enumerate(listed):
         for prefix, _, line in lines_of(part, number):
             orders = line.strikes * np.arange(1, harmonics + 1) * line.order
-            more = line.slips, line.kind, line.sidebands
+            more = line.slips, line.kind, line.sidebands, line.strikes
             found.append(FaultSeries(prefix + line.name, tuple(orders.tolist()), *more))
     check_distinct([fault.name for fault in found])
     return tuple(found)
@@ -297,6 +300,71 @@ class LineLevels:
         lines = np.add.outer(carriers, [0.0, *sides]).ravel()
         distance = np.abs(self.orders[:, np.newaxis] - lines).min(axis=1)
         return np.asarray(distance < (SETTINGS.skirt + 0.5) * self._step)
+
+    def height_between(
+        self,
+        psd: Array,
+        fault: FaultSeries,
+        slip: float,
+        modulations: Sequence[float],
+        *,
+        reach: float,
+        lowest: float = 0.2,
+    ) -> float:
+        """Return the height of the lines between those of a fault, in parts of theirs.
+
+        Impacts of another source, as of a belt, a piston or a cracked tooth, have lines at all
+        multiples of a lower order, which are as high between the lines of the fault: about 1.
+
+        Parameters
+        ----------
+        psd : ndarray of shape (1, n_orders)
+            Order spectrum, of long segments.
+        fault : FaultSeries
+            The fault.
+        slip : float
+            Its slip, as `measure` finds it; it may be that of a coarser spectrum.
+        modulations : sequence of float
+            Orders of the modulations, whose sidebands the fault explains.
+        reach : float
+            Distance from its lowest line within which it is found [orders].
+        lowest : float
+            Lowest order whose multiples are compared.
+
+        Returns
+        -------
+        float
+            Median height of the lines between, over the mean height of the fault's lines: at the
+            multiples of the fraction 1/2 to 1/24 of its lowest line for which it is largest,
+            without sidebands and whole orders; if the fault's lines are at whole orders, also at
+            all of these.
+        """
+        heights = self.heights(psd)[0]
+        highest = ndimage.maximum_filter1d(heights, 3)
+
+        def place(orders: Array) -> NDArray[np.intp]:
+            places = np.rint((orders - self._first) / self._step).astype(np.intp)
+            return np.clip(places, 2, len(highest) - 3)
+
+        multiples = np.arange(1, len(fault.orders) + 1)
+        candidates = fault.orders[0] * (1 + slip) + reach * np.linspace(-1, 1, 161)
+        means = highest[place(np.outer(candidates, multiples))].mean(axis=1)
+        first, level = candidates[means.argmax()], means.max()
+        lobes = np.add.outer(place(first * multiples), np.arange(-2, 3))
+        peaks = lobes[multiples - 1, heights[lobes].argmax(axis=1)]
+        known = self.explained(fault, first / fault.orders[0] - 1, modulations) | self._of_shaft
+        fractions = set(range(2, min(24, int(first / lowest)) + 1)) - {fault.strikes}
+        compared = [(n, known) for n in fractions]
+        if self._of_shaft[peaks].all():
+            compared.append((max(2, round(first)), np.zeros_like(known)))
+        between = [0.0]
+        for n, without in compared:
+            parts = np.arange(1, n * len(multiples))
+            places = place(first / n * parts[parts % n > 0])
+            left = highest[places[~without[places]]]
+            if len(left) > 1:
+                between.append(float(np.median(left)))
+        return max(between) / level
 
     def amplitude(self, psd: Array, fault: FaultSeries, slip: float) -> float:
         """Return the amplitude of the sum of the lines of a fault, in the unit of the signal.

@@ -278,6 +278,7 @@ def test_healthy_recordings_of_another_sampling_rate_are_refused():
 # ball pass order of the outer ring is near twice the mains frequency at the speed below.
 NEAR_FIVE = Bearing(12, 6, 33)
 RATE = 28.2
+STRIKES = {"a loose part": 1.0, "a belt": 0.4, "a piston": 0.5}  # per revolution
 
 
 def healthy_machine(cause, fs=20_000, seconds=6):
@@ -286,8 +287,8 @@ def healthy_machine(cause, fs=20_000, seconds=6):
     t = np.arange(seconds * fs) / fs
     turns = np.cumsum(RATE + 0.2 * np.sin(2 * t)) / fs
     noise = rng.standard_normal(len(t))
-    if cause == "a loose part":
-        struck = np.diff(np.floor(turns), prepend=0) * rng.uniform(5, 11, len(t))
+    if cause in STRIKES:
+        struck = np.diff(np.floor(STRIKES[cause] * turns), prepend=0) * rng.uniform(5, 11, len(t))
         noise += np.convolve(struck, RING)[: len(t)]
     modulation = {
         "blades": 0.6 * np.cos(TURN * 5 * turns) + 0.3 * np.cos(TURN * turns),
@@ -299,7 +300,7 @@ def healthy_machine(cause, fs=20_000, seconds=6):
 
 
 @pytest.mark.parametrize("bearing", [BEARING, NEAR_FIVE])
-@pytest.mark.parametrize("cause", ["a loose part", "blades", "another shaft", "the mains"])
+@pytest.mark.parametrize("cause", [*STRIKES, "blades", "another shaft", "the mains"])
 def test_lines_that_are_not_of_the_bearing_are_not_named(cause, bearing):
     assert find_faults([healthy_machine(cause)], bearing)["named"].tolist() == ["none"]
 
