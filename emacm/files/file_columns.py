@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -45,6 +45,8 @@ class FileColumns:
         What is in the file but no column, with the reason.
     start : Timestamp or None
         When the recording started, if the file states it other than by a column of times.
+    starts : dict of str to float
+        When columns start, where the file states it, from any common instant [s].
     """
 
     columns: dict[str, NDArray[Any]] = field(default_factory=dict)
@@ -53,6 +55,7 @@ class FileColumns:
     numbers: dict[str, float] = field(default_factory=dict)
     ignored: dict[str, str] = field(default_factory=dict)
     start: pd.Timestamp | None = None
+    starts: dict[str, float] = field(default_factory=dict)
 
     def without_units_in_names(self) -> FileColumns:
         """Return it with the units taken out of the names of columns, as in "speed [rpm]"."""
@@ -65,8 +68,24 @@ class FileColumns:
             return {plain.get(name, name): value for name, value in values.items()}
 
         units = {short: unit for short, unit in parts.values() if unit} | renamed(self.units)
-        rates, numbers = renamed(self.rates), renamed(self.numbers)
-        return FileColumns(renamed(self.columns), rates, units, numbers, self.ignored, self.start)
+        return replace(
+            self,
+            columns=renamed(self.columns),
+            rates=renamed(self.rates),
+            units=units,
+            numbers=renamed(self.numbers),
+            starts=renamed(self.starts),
+        )
+
+    def with_units_of_groups(self) -> FileColumns:
+        """Return it with the unit of a group or structure for the only array that it holds."""
+        units, names = dict(self.units), [*self.columns, *self.numbers]
+        for place, unit in self.units.items():
+            group = re.split(r"[/.]$", place)[0]
+            within = [name for name in names if re.match(rf"{re.escape(group)}[/.]", name)]
+            if place not in names and len(within) == 1:
+                units.setdefault(within[0], unit)
+        return replace(self, units=units)
 
     def like_shaft(self) -> list[str]:
         """Return the columns and numbers with name or unit of the motion of a shaft."""
@@ -95,9 +114,10 @@ class FileColumns:
                 f"{plain!r} {self.ignored[plain]}; it cannot be a channel or the shaft. Store it "
                 f"as an array of numbers, one for each time."
             )
+        other = next((name for name in known if not is_time_name(name)), wanted)
         raise ValueError(
             f"it has no column {wanted!r}; its columns are {_listed(known)}. Where files differ, a "
-            f"layout may give several names: {f'{wanted}|{known[0]}' if known else wanted!r}."
+            f"layout may give several names: {f'{wanted}|{other}'!r}."
         )
 
     def has(self, wanted: str) -> bool:
@@ -157,6 +177,7 @@ def recording_arguments(
     shaft = _shaft_column(content, layout) if of_second is None else None
     channels = _channel_columns(content, layout, times, shaft)
     rates = rates_of_columns(content, layout, times)
+    _check_starts(content, [*channels.values(), *filter(None, [shaft])], rates)
     fs = {name: _rate(content, layout, rates, column, name) for name, column in channels.items()}
     signals = {name: _signal(content, column, name) for name, column in channels.items()}
     units = {name: _channel_unit(content, layout, name, c) for name, c in channels.items()}
@@ -177,6 +198,20 @@ def recording_arguments(
         delay = _delay((content, layout), (second, of_second))
         longest = max(len(values) / fs[name] for name, values in signals.items())
         return arguments | _aligned(motion, delay, longest)
+
+
+def _check_starts(content: FileColumns, names: Sequence[str], rates: Mapping[str, float]) -> None:
+    """Refuse columns that start more than a sample apart."""
+    starts = {name: content.starts[name] for name in names if name in content.starts}
+    if not starts:
+        return
+    latest, earliest = (choose(starts, key=lambda name: starts[name]) for choose in (max, min))
+    apart = starts[latest] - starts[earliest]
+    if apart > 1e-3 + 1 / min(rates.get(name, 1000.0) for name in starts):
+        raise ValueError(
+            f"{latest!r} starts {apart:.6g} s later than {earliest!r}. Cut both to the same start, "
+            f"or leave one out."
+        )
 
 
 def _aligned(motion: dict[str, Any], delay: float, duration: float) -> dict[str, Any]:
@@ -293,7 +328,9 @@ def _time_column(content: FileColumns, layout: Layout) -> str | None:
 def _shaft_column(content: FileColumns, layout: Layout) -> str | None:
     """Return the column (or the number) of the shaft; None for a constant speed."""
     velocity = layout.velocity
-    if isinstance(velocity, str) and not constant_speed(content.chosen(velocity)):
+    if isinstance(velocity, str) and (
+        content.has(velocity) or not constant_speed(content.chosen(velocity))
+    ):
         return content.find(velocity, numbers=True)
     if velocity is not None:
         return None

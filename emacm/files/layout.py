@@ -6,6 +6,7 @@ import os
 import re
 import tomllib
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from math import isfinite
 from numbers import Real
@@ -320,12 +321,22 @@ def _checked_units(units: Any) -> dict[str, str]:
     return found
 
 
+def _meta_table(path: str) -> pd.DataFrame:
+    """Return a table in which texts such as 001 and None stay as they are."""
+    table = pd.read_csv(path, dtype=str, keep_default_na=False, na_values=[""])
+    for name in table.columns.drop("file", errors="ignore"):
+        if not table[name].str.match(r"0\d").any():
+            with suppress(ValueError):
+                table[name] = pd.to_numeric(table[name])
+    return table
+
+
 def _checked_meta(meta: Any) -> Any:
     """Return a pattern, or a mapping from names of files to their meta."""
     if isinstance(meta, str) and meta.endswith(".csv") and "{" not in meta:
         if not Path(meta).is_file():
             raise FileNotFoundError(f"there is no table of meta {meta!r}.")
-        meta = pd.read_csv(meta)
+        meta = _meta_table(meta)
     if isinstance(meta, pd.DataFrame):
         table = meta.set_index("file") if "file" in meta.columns else meta
         if not table.index.is_unique:

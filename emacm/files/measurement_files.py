@@ -215,9 +215,9 @@ def read_hdf5(path: Path, content: FileColumns, *, separator: str = "/") -> None
             if place not in sets:
                 _add_attributes(content, name + separator, node.attrs)
             elif place[0] != "#" and node.attrs.get("MATLAB_class") not in (b"char", b"cell"):
-                before = set(content.columns)
+                before = {*content.columns, *content.numbers}
                 add_array(content, name, node[()])
-                for column in set(content.columns) - before:
+                for column in {*content.columns, *content.numbers} - before:
                     _add_attributes(content, column, node.attrs, own=True)
 
 
@@ -241,6 +241,9 @@ def read_tdms(path: Path, content: FileColumns) -> None:
             unit = properties.get("unit_string") or properties.get("NI_UnitDescription")
             if unit:
                 content.units[name] = str(unit)
+            content.starts[name] = float(properties.get("wf_start_offset", 0.0))
+            if (begun := properties.get("wf_start_time")) is not None:
+                content.starts[name] += (pd.Timestamp(begun) - content.start).total_seconds()
 
 
 def _end_of_segments(file: BinaryIO) -> int:
@@ -287,6 +290,7 @@ def read_uff(path: Path, content: FileColumns) -> None:
         unit = str(one.get("ordinate_axis_units_lab", "")).strip()
         if unit and unit.upper() != "NONE":
             content.units[name] = unit
+        content.starts[name] = float(one.get("abscissa_min") or 0)
 
 
 def read_mdf(path: Path, content: FileColumns) -> None:
@@ -303,6 +307,7 @@ def read_mdf(path: Path, content: FileColumns) -> None:
             name = signal.name if signal.name not in content.columns else f"{signal.name}.2"
             times = np.asarray(signal.timestamps, float)
             content.columns[name] = values
+            content.starts[name] = float(times[0])
             content.rates[name] = rate_of_times(times - times[0], f"time stamps of {name}")
             if signal.unit:
                 content.units[name] = str(signal.unit)

@@ -76,7 +76,7 @@ def read_columns(path: Path) -> FileColumns:
     content = FileColumns()
     try:
         reader(path, content)
-        return content.without_units_in_names()
+        return content.with_units_of_groups().without_units_in_names()
     except RefusedFileError as error:
         raise RefusedFileError(f"{error}{_other_kind(path)}") from error
     except (ImportError, FileNotFoundError, PermissionError):

@@ -23,7 +23,7 @@ def seconds_of(values: NDArray[Any], unit: str, name: str) -> Times:
     values : ndarray of shape (n_times,)
         Numbers, or dates and times as in `dates_of`.
     unit : str
-        Unit of numbers; "" stands for s.
+        Unit of numbers; "" stands for s, or for ms if that is a word of the name.
     name : str
         Name of the column, for messages.
 
@@ -34,9 +34,15 @@ def seconds_of(values: NDArray[Any], unit: str, name: str) -> Times:
     Raises
     ------
     ValueError
-        If a value is missing or is not a time.
+        If a value is missing or is not a time, or has no unit and cannot be in seconds.
     """
     if values.dtype.kind in "iuf":
+        unit = unit or ("ms" if "ms" in re.findall("[a-z]+", name.lower()) else "")
+        if not unit and len(values) and values[0] > 1e11:  # s since 1970: in 5138
+            raise ValueError(
+                f"time column {name!r} begins at {values[0]:g}, which cannot be in s. State its "
+                f"unit, as in units = {{{name!r}: 'ms'}} of the layout, or {_ignore(name)}."
+            )
         seconds = values.astype(np.float64) * unit_factor(unit or "s", "time")
     else:
         dates = dates_of(values, name)
@@ -83,8 +89,8 @@ def dates_of(values: NDArray[Any], name: str) -> pd.Series:
     if dates.isna().any():
         place = int(np.argmax(dates.isna()))
         raise ValueError(
-            f"time column {name!r} has {values[place]!r} at sample {place}, not a time. Repair "
-            f"it, or {_ignore(name)}."
+            f"time column {name!r} has {values.tolist()[place]!r} at sample {place}, not a time. "
+            f"Repair it, or {_ignore(name)}."
         )
     return dates
 
@@ -94,7 +100,13 @@ def _ignore(name: str) -> str:
 
 
 def rate_of_times(
-    seconds: Times, name: str, fs: float | None = None, *, jitter: float = 0.1, gap: float = 1.5
+    seconds: Times,
+    name: str,
+    fs: float | None = None,
+    *,
+    jitter: float = 0.1,
+    gap: float = 1.5,
+    open_rate: float = 0.01,
 ) -> float:
     """Return the sampling rate of evenly spaced times.
 
@@ -110,6 +122,8 @@ def rate_of_times(
         Sampling intervals by which a time may deviate, apart from rounding.
     gap : float
         Usual intervals from which on an interval is a gap, apart from rounding.
+    open_rate : float
+        Fraction of the rate that rounding may leave open.
 
     Returns
     -------
@@ -119,8 +133,8 @@ def rate_of_times(
     Raises
     ------
     ValueError
-        If times do not increase, have gaps or jitter, or contradict `fs`; the message names the
-        sample.
+        If times do not increase, have gaps or jitter, or contradict `fs`, or are rounded so much
+        that they leave the rate open; the message names the sample.
 
     Examples
     --------
@@ -143,6 +157,11 @@ def rate_of_times(
     resolution = _rounding(seconds)
     _check_gaps(seconds, name, gap, resolution)
     n = np.arange(len(seconds))
+    if fs is None and resolution > max(open_rate * seconds[-1], 1.5 / rate):
+        raise ValueError(
+            f"time column {name!r} is rounded to {resolution:g} s, which leaves the sampling rate "
+            f"open: about {rate:.3g} Hz. State fs, and time = false (in Python: False)."
+        )
     for digits in range(2, 7):  # digits of a round rate
         nominal = float(f"{rate:.{digits}g}")
         if fs is None and np.abs(seconds - n / nominal).max() <= resolution + 1e-6 / nominal:

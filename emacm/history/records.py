@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from emacm._version import __version__
+from emacm.files.sample_times import dates_of
 
 VERSION = "1.0"  # of the schema; fields are only added in versions 1.x
 
@@ -140,11 +141,19 @@ def times_of(recording: Any, key: str | None = None) -> dict[str, Any]:
     -------
     dict
         The fields `start`, `end` and `times` of a record.
+
+    Raises
+    ------
+    ValueError
+        If the meta has no such key, or its value is no time.
     """
-    stated = recording.meta.get(key)
-    is_number = isinstance(stated, int | float)
-    start, times = (None if is_number else pd.to_datetime(stated, errors="coerce")), "stated"
-    if start is None or pd.isna(start):
+    start, times = None, "stated"
+    if key is not None:
+        if key not in recording.meta:
+            raise ValueError(f"its meta has no {key!r} (--time), only {list(recording.meta)}.")
+        if not isinstance(stated := recording.meta[key], int | float):
+            start = dates_of(np.array([stated]), key).iloc[0]
+    if start is None:
         start, times = recording.start, "file"
     length = pd.Timedelta(seconds=recording.duration)
     if start is None:

@@ -15,6 +15,7 @@ import pandas as pd
 from emacm._checks import located
 from emacm.files.folder import open_recording
 from emacm.files.layout import Layout, read_toml
+from emacm.files.sample_times import dates_of
 from emacm.history.sqlite_history import History
 from emacm.machine.gears import Gear, PlanetaryGear
 from emacm.machine.motors import InductionMotor, Motor
@@ -205,6 +206,11 @@ def units_and_times(
         return [meta_value(path, layout, key) for path in paths]
 
     times = [_started(path, layout) for path in paths] if time is None else values(time)
+    if time is not None and all(isinstance(value, str) for value in times):
+        try:  # texts have another order: "10" would be before "9"
+            times = list(map(float, times))
+        except ValueError:
+            times = dates_of(np.array(times), time).tolist()
     return None if unit is None else values(unit), times
 
 
