@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -91,6 +92,12 @@ def layout_of_options(options: argparse.Namespace, path: Path) -> Layout:
     drafted = tomllib.loads(draft_layout(contents, path))
     remarks = contents.remarks
     if options.speed is not None:
+        if contents.shaft:
+            print(
+                f"emacm: WARNING: --speed {options.speed:g} rpm is used, and {contents.shaft!r} of "
+                f"the files is not.",
+                file=sys.stderr,
+            )
         drafted = {name: value for name, value in drafted.items() if name not in ("angle", "tacho")}
         drafted["velocity"] = f"{options.speed:g} rpm"
     elif contents.of_shaft:

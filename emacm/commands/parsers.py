@@ -138,7 +138,7 @@ def _find(command: Add) -> None:
     )
     _add_files(add, needs_layout=False)
     _add_parts(add)
-    speed = "constant speed [rpm], if the files do not state it"
+    speed = "constant speed [rpm], in place of the shaft of the files"
     add("--speed", type=_above_zero, metavar="RPM", help=speed)
     healthy = "folder of files of the same machine without faults"
     add("--healthy", type=_existing, metavar="FOLDER", help=healthy)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import nullcontext, suppress
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -171,9 +171,16 @@ class _Work:
 
     def _unit_of(self, path: Path) -> str:
         """Return the unit that the meta of a file names; "" if it does not."""
-        with suppress(ValueError):  # of a name that does not match; its row states why
-            return str(self._layout.meta_of(path).get(self._options.unit or "unit", ""))
-        return ""
+        try:
+            meta = self._layout.meta_of(path)
+        except ValueError:  # of a name that does not match; its row states why
+            return ""
+        if self._options.unit not in (None, *meta):
+            raise ValueError(
+                f"the meta of {printable(path)} has no {self._options.unit!r} (--unit), only "
+                f"{list(meta)}."
+            )
+        return str(meta.get(self._options.unit or "unit", ""))
 
     def _report(self, done: int, total: int, every: float = 5.0) -> None:
         """Report the progress, at most once in some seconds."""
@@ -182,8 +189,12 @@ class _Work:
             print(f"{done} of {total} files", file=sys.stderr)
 
 
-def set_costs(model: Any, cost: Path | None, priors: str | None) -> None:
+def set_costs(
+    model: Any, cost: Path | None, priors: str | None, labels: Iterable[Any] | None = None
+) -> None:
     """Set costs from a table and priors from a text on a model, fitted or not.
+
+    Their names are texts; those of `labels` (default: the classes of the model) may be numbers.
 
     Raises
     ------
@@ -193,18 +204,25 @@ def set_costs(model: Any, cost: Path | None, priors: str | None) -> None:
     final = final_estimator(model)
     while isinstance(final, ConditionRouter):
         final = final_estimator(final.estimator)
+    labels = getattr(model, "classes_", ()) if labels is None else labels
+    known = {str(label): label for label in labels}
     if cost is not None:
-        final.set_params(cost=pd.read_csv(cost, index_col=0))
+        table = pd.read_csv(cost, index_col=0, dtype={0: str})
+        table.index = table.index.astype(str)
+        final.set_params(cost=table.rename(known, axis=0).rename(known, axis=1))
     if priors is not None:
-        final.set_params(priors=priors if priors == "uniform" else _priors(priors))
+        final.set_params(priors=priors if priors == "uniform" else _priors(priors, known))
     if hasattr(model, "classes_") and hasattr(final, "cost"):
         _ = (final if not hasattr(model, "cost_") else model).cost_, getattr(final, "priors_", None)
 
 
-def _priors(text: str) -> dict[str, float]:
+def _priors(text: str, known: Mapping[str, Any]) -> dict[Any, float]:
     pairs = [part.rpartition("=") for part in text.split(",")]
     try:
-        return {name.strip(): float(value) for name, _, value in pairs}
+        priors = {known.get(n := name.strip(), n): float(value) for name, _, value in pairs}
+        if len(priors) < len(pairs):
+            raise ValueError("a name occurs twice")
+        return priors
     except ValueError as error:
         raise ValueError(
             f"--priors must be 'uniform' or as in healthy=0.9,worn=0.1; got {text!r}."

@@ -71,10 +71,13 @@ class StreamRecords:
             length *= 2 * math.pi / options.max_speed  # the shortest time that they take [s]
         hours = length / 3600
         needed, of = options.alarm_after or (None, 5)
+        accepted = options.false_alarms * hours / 1000
+        if options.every is None:  # a single reading, whose decision counts
+            needed, accepted = needed or 1, 0.0
         chosen = alarm_setting(
             model,
             self._healthy,
-            options.false_alarms * hours / 1000,
+            accepted,
             needed=needed,
             of=of,
             quiet=options.clear_after,

@@ -35,6 +35,7 @@ from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.digests import model_digest
 from emacm.recordings.meta import read_meta
+from emacm.recordings.names import printable
 from emacm.reports.facts import healthy_label
 from emacm.reports.inputs import meta_value
 from emacm.resampling.order_resampler import OrderResampler
@@ -63,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
     healthy = healthy_label(labels, options.healthy, "--healthy")
     max_order, revolutions = extent(recordings, options)
     model = _model(options, max_order, revolutions)
-    set_costs(model, options.cost, options.priors)
+    set_costs(model, options.cost, options.priors, labels)
     orders = "" if options.recipe == "bearing" else f"orders up to {max_order:g}, "
     print(
         f"{len(recordings)} recordings, {len(set(groups))} groups ({options.groups}); "
@@ -105,7 +106,7 @@ def _learn_again(options: argparse.Namespace, layout: Layout) -> int:
     )
     healthy = healthy_label(labels, options.healthy, "--healthy")
     classifier = clone(old[-1])
-    set_costs(classifier, options.cost, options.priors)
+    set_costs(classifier, options.cost, options.priors, labels)
     print(f"{len(names)} recordings, {len(set(groups))} groups ({options.groups})")
     print(pd.Series(labels).value_counts().sort_index().to_string())
     found = evaluate(classifier, features, labels, units=groups, healthy=healthy)
@@ -185,11 +186,36 @@ def extent(
     most_orders: float = 20.0,
     most_revolutions: float = 16.0,
 ) -> tuple[float, float]:
-    """Return the highest order and the length of a segment [revolutions] that all support."""
-    quality = OrderResampler(min_speed=options.min_speed).quality(recordings)
+    """Return the highest order and the length of a segment [revolutions] that all support.
+
+    Defects of files are printed.
+
+    Raises
+    ------
+    ValueError
+        If a file has no orders, or not up to --max-order.
+    """
+    coarse = OrderResampler(np.pi / 2, min_speed=options.min_speed)
+    quality = coarse.quality(recordings)
     orders, length = options.max_order, options.revolutions
+    for path, row in zip(map(printable, recordings.paths), quality.itertuples(), strict=True):
+        if not row.revolutions > 0:
+            raise ValueError(
+                f"{path}: the shaft is at rest, or never above --min-speed, so that it has no "
+                f"orders. Leave the file out."
+            )
+        if row.warnings:
+            print(f"WARNING: {path}: {row.warnings}")
+        if orders is not None and orders > row.max_order:
+            raise ValueError(
+                f"{path} has no content above order {row.max_order:.4g}. Lower --max-order, or "
+                f"leave the file out."
+            )
     if orders is None:
         orders = min(most_orders, floor(8 * quality["max_order"].min()) / 10)
+        if orders < most_orders:
+            least = recordings.paths[int(quality["max_order"].argmin())]
+            print(f"- The highest order, {orders:g}, is that of {printable(least)}.")
     if length is None:
         longest = float(quality["longest_stroke"].min())
         length = min(most_revolutions, floor(longest / 2) or floor(8 * longest) / 10)

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from emacm.displays import _drawing, _tables
 from emacm.displays._drawing import Display
 from emacm.envelopes.kurtogram import Kurtogram, kurtogram
-from emacm.machine.fault_lines import LineLevels, fault_series
+from emacm.machine.fault_lines import LineLevels
+from emacm.machine.fault_orders import fault_series
 from emacm.machine.parts import Part
 from emacm.models.recipes import bearing_recipe
 from emacm.orders.columns import column_names, parse_order_columns

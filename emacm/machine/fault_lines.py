@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from emacm._checks import check_count, check_number
-from emacm.machine.fault_orders import check_distinct, lines_of
+from emacm._checks import check_number
+from emacm.machine.fault_orders import FaultSeries, fault_series
 from emacm.machine.parts import Part
 from emacm.orders.bin_transformer import line_heights
 from emacm.orders.columns import OrderTableTransformer, column_names, parse_order_columns
@@ -59,85 +59,6 @@ class LineSettings:
 
 SETTINGS = LineSettings()
 SHAPES = np.geomspace(SETTINGS.lowest_shape, SETTINGS.highest_shape, SETTINGS.n_shapes)
-
-
-@dataclass(frozen=True)
-class FaultSeries:
-    """The lines by which one fault is recognised.
-
-    Attributes
-    ----------
-    name : str
-        Name of the fault, such as "BPFI".
-    orders : tuple of float
-        Orders of the lines without slip [cycles per revolution].
-    slips : bool
-        Whether slip of rolling elements moves the lines.
-    kind : str
-        Component or phenomenon, such as "inner ring".
-    sidebands : tuple of (str, float)
-        Name and order of each modulation.
-    strikes : int
-        Strikes per period of the lowest order of the part; 2 for a ball, which meets both rings.
-    """
-
-    name: str
-    orders: tuple[float, ...]
-    slips: bool
-    kind: str = ""
-    sidebands: tuple[tuple[str, float], ...] = ()
-    strikes: int = 1
-
-
-def fault_series(
-    parts: Sequence[Part | Mapping[str, float]] | Part | Mapping[str, float], harmonics: int
-) -> tuple[FaultSeries, ...]:
-    """Return the series of lines of each fault of a machine.
-
-    Parameters
-    ----------
-    parts : part, or sequence of parts
-        `Bearing`, `Gear`, `Motor` and so on, or mappings of fault names to orders.
-    harmonics : int
-        Number of lines of each series. A defect of a ball strikes both rings in each turn, so its
-        series has the multiples 2, 4, ... of BSF.
-
-    Returns
-    -------
-    tuple of FaultSeries
-
-    Raises
-    ------
-    TypeError
-        If there is no part, or an entry is none.
-    ValueError
-        If two faults have the same name.
-
-    Examples
-    --------
-    >>> from emacm import Bearing
-    >>> for fault in fault_series(Bearing(9, 7.94, 39.04), 2):
-    ...     print(fault.name, [round(order, 3) for order in fault.orders])
-    BPFO [3.585, 7.17]
-    BPFI [5.415, 10.83]
-    BSF [4.713, 9.427]
-    FTF [0.398, 0.797]
-    """
-    check_count(harmonics, "harmonics", at_most=100)
-    listed = [parts] if isinstance(parts, Part | Mapping) else parts
-    if not isinstance(listed, Sequence) or not listed:
-        raise TypeError(
-            f"parts must be a part such as a Bearing, or a list of at least one part; got "
-            f"{parts!r}."
-        )
-    found = []
-    for number, part in enumerate(listed):
-        for prefix, _, line in lines_of(part, number):
-            orders = line.strikes * np.arange(1, harmonics + 1) * line.order
-            more = line.slips, line.kind, line.sidebands, line.strikes
-            found.append(FaultSeries(prefix + line.name, tuple(orders.tolist()), *more))
-    check_distinct([fault.name for fault in found])
-    return tuple(found)
 
 
 class LineLevels:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -322,3 +323,82 @@ def check_distinct(names: Sequence[str]) -> None:
                 f"two lines have the name {name!r}. Distinguish parts by name=..., as in "
                 f"Bearing(..., name='front')."
             )
+
+
+@dataclass(frozen=True)
+class FaultSeries:
+    """The lines by which one fault is recognised.
+
+    Attributes
+    ----------
+    name : str
+        Name of the fault, such as "BPFI".
+    orders : tuple of float
+        Orders of the lines without slip [cycles per revolution].
+    slips : bool
+        Whether slip of rolling elements moves the lines.
+    kind : str
+        Component or phenomenon, such as "inner ring".
+    sidebands : tuple of (str, float)
+        Name and order of each modulation.
+    strikes : int
+        Strikes per period of the lowest order of the part; 2 for a ball, which meets both rings.
+    """
+
+    name: str
+    orders: tuple[float, ...]
+    slips: bool
+    kind: str = ""
+    sidebands: tuple[tuple[str, float], ...] = ()
+    strikes: int = 1
+
+
+def fault_series(
+    parts: Sequence[Part | Mapping[str, float]] | Part | Mapping[str, float], harmonics: int
+) -> tuple[FaultSeries, ...]:
+    """Return the series of lines of each fault of a machine.
+
+    Parameters
+    ----------
+    parts : part, or sequence of parts
+        `Bearing`, `Gear`, `Motor` and so on, or mappings of fault names to orders.
+    harmonics : int
+        Number of lines of each series. A defect of a ball strikes both rings in each turn, so its
+        series has the multiples 2, 4, ... of BSF.
+
+    Returns
+    -------
+    tuple of FaultSeries
+
+    Raises
+    ------
+    TypeError
+        If there is no part, or an entry is none.
+    ValueError
+        If two faults have the same name.
+
+    Examples
+    --------
+    >>> from emacm import Bearing
+    >>> for fault in fault_series(Bearing(9, 7.94, 39.04), 2):
+    ...     print(fault.name, [round(order, 3) for order in fault.orders])
+    BPFO [3.585, 7.17]
+    BPFI [5.415, 10.83]
+    BSF [4.713, 9.427]
+    FTF [0.398, 0.797]
+    """
+    check_count(harmonics, "harmonics", at_most=100)
+    listed = [parts] if isinstance(parts, Part | Mapping) else parts
+    if not isinstance(listed, Sequence) or not listed:
+        raise TypeError(
+            f"parts must be a part such as a Bearing, or a list of at least one part; got "
+            f"{parts!r}."
+        )
+    found = []
+    for number, part in enumerate(listed):
+        for prefix, _, line in lines_of(part, number):
+            orders = line.strikes * np.arange(1, harmonics + 1) * line.order
+            more = line.slips, line.kind, line.sidebands, line.strikes
+            found.append(FaultSeries(prefix + line.name, tuple(orders.tolist()), *more))
+    check_distinct([fault.name for fault in found])
+    return tuple(found)

@@ -16,9 +16,10 @@ from sklearn.base import clone
 from emacm._checks import check_count, check_number, located
 from emacm.conditions.healthy import are_recordings, check_rates, common_rates
 from emacm.machine.fault_lines import SETTINGS as LINES
-from emacm.machine.fault_lines import FaultLines, FaultSeries, LineLevels, fault_series
+from emacm.machine.fault_lines import FaultLines, LineLevels
+from emacm.machine.fault_orders import FaultSeries, fault_series
 from emacm.machine.parts import Part
-from emacm.models.recipes import bearing_recipe, highest_order
+from emacm.models.recipes import bearing_recipe, highest_order, longest_stroke
 from emacm.orders.columns import column_names, parse_order_columns
 from emacm.recordings.inputs import as_recordings, check_channel_names, described
 from emacm.recordings.recording import Recording
@@ -430,11 +431,8 @@ class _Finding(NamedTuple):
         reason = _reason(best, faults, healthy, false_alarm)
         margin = SETTINGS.suspected if reason else SETTINGS.named
         error = None if healthy else _speed_error(measured.spectrum.wide(), faults, false_alarm)
-        if (
-            error is not None
-            and error.score >= best.score + margin
-            and not measured.fine.other_source(error)
-        ):
+        is_higher = error is not None and error.score >= best.score + margin
+        if error is not None and is_higher and not measured.fine.other_source(error):
             text = f"not assessed: {_speed_text(measured.rpm, error)}"
             return cls(faults, NOT_ASSESSED, error.series.name, error, text)
         reason = reason or ("" if healthy else measured.fine.other_source(best))
@@ -532,7 +530,7 @@ def _measured(
     top = highest_order(parts, options["harmonics"], slip)
     for index, recording in enumerate(as_recordings(X, "find_faults")):
         with located(partial(described, recording, index)):
-            longest = _longest(recording, top, channels)
+            longest = longest_stroke(recording, top, channels, shortest=SETTINGS.shortest)
             revolutions = min(SETTINGS.longest, longest)
             recipe = bearing_recipe(parts, revolutions=revolutions, **options)
             envelope = recipe[:2].fit_transform([recording])
@@ -563,28 +561,6 @@ def _defect(recording: Recording, channel: str) -> str:
     turning = [(start / last, (start + path.n_times) / last) for start, path in spans]
     settings = replace(CHANNEL_CHECKS, digital=1.0)
     return check_channel(recording.series[channel], channel, turning, settings=settings).text
-
-
-def _longest(recording: Recording, top: float, channels: Any) -> int:
-    """Return the whole revolutions of the longest stroke."""
-    longest = max((path.length for path in recording.paths()), default=0.0) / (2 * np.pi)
-    if longest < SETTINGS.shortest:
-        raise ValueError(
-            f"its longest stroke has {longest:.3g} revolutions; {SETTINGS.shortest} are needed to "
-            f"separate the lines of the faults. Give a longer recording."
-        )
-    fastest = np.abs(recording.velocity).max() / (2 * np.pi)
-    for name in recording.channels if channels is None else channels:
-        check_channel_names(recording.channels, [name])
-        width = 7 / 16 * recording.fs[name]  # of the envelope of the whole band
-        if top * fastest > width:
-            raise ValueError(
-                f"the lines of the faults reach order {top:.4g}, {top * fastest:.4g} Hz at its "
-                f"highest speed, but the envelope of channel {name!r}, sampled at "
-                f"{recording.fs[name]:g} Hz, ends at {width:.4g} Hz. Lower harmonics, or leave out "
-                f"the parts with the highest orders."
-            )
-    return int(longest)
 
 
 def _of_table(

@@ -14,11 +14,14 @@ from emacm.conditions.signal_baseline import SignalBaseline
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.envelopes.envelope_detector import EnvelopeDetector
 from emacm.envelopes.prewhitening import CepstralPrewhitening
-from emacm.machine.fault_lines import SETTINGS, FaultLines, fault_series
+from emacm.machine.fault_lines import SETTINGS, FaultLines
+from emacm.machine.fault_orders import fault_series
 from emacm.machine.parts import Part
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
 from emacm.orders.order_psd import OrderPSD
+from emacm.recordings.inputs import check_channel_names
+from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler, SignalCache
 from emacm.stroke_features.harmonics import ShaftHarmonics
 from emacm.stroke_features.profile import StrokeProfile
@@ -285,3 +288,31 @@ def _over_angle(revolutions: float, max_order: float, strokes: dict[str, Any]) -
 def _union(**blocks: Any) -> FeatureUnion:
     """Join features under their own names, which all differ."""
     return FeatureUnion([*blocks.items()], verbose_feature_names_out=False)
+
+
+def longest_stroke(recording: Recording, top: float, channels: Any, *, shortest: int) -> int:
+    """Return the whole revolutions of the longest stroke.
+
+    Raises
+    ------
+    ValueError
+        If they are fewer than `shortest`, or a sampling rate is too low for lines up to `top`.
+    """
+    longest = max((path.length for path in recording.paths()), default=0.0) / (2 * np.pi)
+    if longest < shortest:
+        raise ValueError(
+            f"its longest stroke has {longest:.3g} revolutions; {shortest} are needed to "
+            f"separate the lines of the faults. Give a longer recording."
+        )
+    fastest = np.abs(recording.velocity).max() / (2 * np.pi)
+    for name in recording.channels if channels is None else channels:
+        check_channel_names(recording.channels, [name])
+        width = 7 / 16 * recording.fs[name]  # of the envelope of the whole band
+        if top * fastest > width:
+            raise ValueError(
+                f"the lines of the faults reach order {top:.4g}, {top * fastest:.4g} Hz at its "
+                f"highest speed, but the envelope of channel {name!r}, sampled at "
+                f"{recording.fs[name]:g} Hz, ends at {width:.4g} Hz. Lower harmonics, or leave out "
+                f"the parts with the highest orders."
+            )
+    return int(longest)

@@ -16,7 +16,7 @@ from urllib.parse import quote
 
 import pandas as pd
 
-from emacm.machine.fault_lines import fault_series
+from emacm.machine.fault_orders import fault_series
 from emacm.models.model_files import load_model
 from emacm.models.scoring import check_model
 from emacm.recordings.inputs import as_list

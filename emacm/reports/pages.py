@@ -18,7 +18,8 @@ from emacm.decisions.pipelines import fitted_resamplers, parts_of, search_estima
 from emacm.displays._tables import envelopes_of
 from emacm.explanations.deviations import class_deviations
 from emacm.explanations.explain import explain_decision
-from emacm.machine.fault_lines import FaultLines, fault_series
+from emacm.machine.fault_lines import FaultLines
+from emacm.machine.fault_orders import fault_series
 from emacm.models.find_faults import find_faults
 from emacm.models.scoring import (
     measured_quality,

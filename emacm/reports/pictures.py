@@ -11,7 +11,7 @@ import pandas as pd
 
 from emacm.displays import _drawing
 from emacm.displays._tables import as_envelope
-from emacm.machine.fault_lines import fault_series
+from emacm.machine.fault_orders import fault_series
 from emacm.reports.facts import channel_name
 from emacm.reports.pages import Page
 from emacm.reports.raised import HARMONICS, LEAST, SLIP, is_raised

@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm.machine.fault_lines import FaultSeries, LineLevels, fault_series
+from emacm.machine.fault_lines import LineLevels
+from emacm.machine.fault_orders import FaultSeries, fault_series
 from emacm.reports.facts import channel_name, decibels, listed, stated
 
 LEAST = 3.0  # dB above the mean of the healthy recordings

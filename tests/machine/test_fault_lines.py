@@ -9,7 +9,8 @@ from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 
 from emacm import Bearing, FaultLines, OrderPSD, OrderResampler, Recording
-from emacm.machine.fault_lines import FaultSeries, LineLevels, fault_series
+from emacm.machine.fault_lines import LineLevels
+from emacm.machine.fault_orders import FaultSeries, fault_series
 
 STEP = 1 / 25
 ORDERS = STEP * np.arange(0, 501)
