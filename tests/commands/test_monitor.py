@@ -272,6 +272,13 @@ def test_false_alarms_are_stated_for_the_groups_of_the_training(here, capsys):
     assert re.search(r"raised by \d of 5 readings that are not ok.* in 1000 h \(", stated)
 
 
+def test_a_single_healthy_reading_raises_no_alarm(here, capsys):
+    (here / "fine.csv").write_text("vib,speed\n" + "".join(rows_of(False, 21)))
+    assert run("--idle", "0", "--healthy", "ok", source="fine.csv") == 0
+    (record,) = printed(capsys)
+    assert (record["decision"], record["alarms"]) == ("ok", [])
+
+
 @pytest.mark.slow
 def test_a_killed_run_loses_no_record_and_no_change_of_an_alarm(here, capsys):
     rows = [*rows_of(False, 40), *rows_of(True, 41), *rows_of(False, 42)]

@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -268,3 +269,20 @@ def test_the_help_states_the_exit_statuses(capsys):
     printed = " ".join(capsys.readouterr().out.split())
     assert "Exit status: 0 if all files were decided on; 1 if a decision of --fail-on" in printed
     assert "3 if files failed" in printed
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--unit", "unt"), r"has no 'unt' \(--unit\), only \["),
+        (("--priors", "ok=0.5,ok=0.2,worn=0.3"), "--priors must be"),
+    ],
+)
+def test_misspelt_units_and_priors_are_refused(here, options, words, capsys):
+    assert run(*options) == 2
+    assert re.search(words, capsys.readouterr().err)
+
+
+def test_a_misspelt_time_is_in_the_row_of_each_file(here, capsys):
+    assert run("--time", "day") == 3
+    assert capsys.readouterr().out.count("its meta has no 'day' (--time)") == 12

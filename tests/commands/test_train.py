@@ -244,3 +244,30 @@ def test_a_channel_that_harms_is_named(tmp_path, monkeypatch, capsys):
     assert train("--max-order", "16", "--revolutions", "4") == 0
     printed = capsys.readouterr().out
     assert re.findall("^- Without (.*) the decisions cost less", printed, re.M) == ["drive"]
+
+
+def test_files_without_orders_are_named_and_defects_are_stated(here, capsys):
+    vib, speed = signals(0, 9)
+    np.savez("files/U9_healthy_0.npz", vib=vib, speed=0 * speed, time=np.arange(N) / FS)
+    assert train() == 2
+    assert "U9_healthy_0.npz: the shaft is at rest" in capsys.readouterr().err
+    vib[1000:2500] = 0.0
+    np.savez("files/U9_healthy_0.npz", vib=vib, speed=speed, time=np.arange(N) / FS)
+    assert train("--max-order", "1e6") == 2
+    captured = capsys.readouterr()
+    assert "WARNING: " not in captured.err
+    assert re.search("has no content above order .*Lower --max-order", captured.err)
+    assert train("--max-order", "5") == 0
+    assert "U9_healthy_0.npz: channel 'vib' has drop-outs" in capsys.readouterr().out
+
+
+def test_costs_and_priors_may_name_states_that_are_numbers(here):
+    for path in Path("files").iterdir():
+        path.rename(str(path).replace("healthy", "0").replace("worn", "1"))
+    text = Path("layout.toml").read_text().replace("{state}", "{state:d}")
+    Path("layout.toml").write_text(text)
+    Path("cost.csv").write_text("decision,0,1\n0,0,9\n1,1,0\n")
+    assert train("--healthy", "0", "--cost", "cost.csv", "--priors", "0=0.9,1=0.1") == 0
+    classifier = load_model("model.emacm")[-1]
+    assert classifier.cost.loc[0, 1] == 9
+    assert classifier.priors == {0: 0.9, 1: 0.1}

@@ -184,3 +184,12 @@ def test_times_are_those_that_the_files_state(tmp_path):
     assert times[:2] == [pd.Timestamp("2026-11-02T08:01"), pd.Timestamp("2026-11-01T08:01")]
     written = [pd.Timestamp.fromtimestamp(path.stat().st_mtime) for path in paths]
     assert times[2:] == written[2:]
+
+
+def test_texts_of_times_are_in_the_order_of_their_numbers(here, capsys):
+    for day in (9, 10):
+        write(Path("nights") / f"axis_{day}.npz", day, 0.0)
+    Path("layout.toml").write_text(LAYOUT.replace("{day:d}", "{day}"))
+    run()
+    table = pd.read_csv(io.StringIO(capsys.readouterr().out))
+    assert table["time"][:6].tolist() == [0, 1, 2, 3, 9, 10]

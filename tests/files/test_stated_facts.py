@@ -1,0 +1,61 @@
+"""Times, starts, units and names as files state them."""
+
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from emacm import Layout, open_recording
+
+
+def written_rows(path, header, columns):
+    rows = zip(*columns, strict=True)
+    path.write_text("\n".join([header, *(",".join(map(str, row)) for row in rows)]) + "\n")
+    return path
+
+
+def test_a_time_in_ms_is_known_by_its_name_and_one_since_1970_needs_a_unit(tmp_path):
+    ms, vib = np.arange(50), np.arange(50) % 7
+    layout = Layout(velocity=10.0)
+    path = written_rows(tmp_path / "a.csv", "time_ms,vib", (ms, vib))
+    assert open_recording(path, layout).fs == {"vib": 1000}
+    path = written_rows(tmp_path / "b.csv", "timestamp,vib", (1_709_632_800_000 + ms, vib))
+    with pytest.raises(ValueError, match=r"cannot be in s. State its unit, as in units = "):
+        _ = open_recording(path, layout).fs
+
+
+def test_times_rounded_to_seconds_leave_the_rate_open(tmp_path):
+    seconds = np.arange(5000) // 1000
+    path = written_rows(tmp_path / "a.csv", "time,vib", (seconds, np.arange(5000) % 7))
+    with pytest.raises(ValueError, match="rounded to 1 s, which leaves the sampling rate open"):
+        _ = open_recording(path, Layout(velocity=10.0)).fs
+
+
+def test_channels_that_start_at_different_times_are_refused(tmp_path):
+    nptdms = pytest.importorskip("nptdms", reason="nptdms is not installed (extra 'files')")
+    for late in (0.0, 2.0):
+        channels = [
+            nptdms.ChannelObject("g", name, np.arange(90.0), {"wf_increment": 0.1} | start)
+            for name, start in (("vib", {}), ("speed", {"wf_start_offset": late}))
+        ]
+        with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+            writer.write_segment(channels)
+        with pytest.raises(ValueError, match="starts 2 s later") if late else nullcontext():
+            _ = open_recording(tmp_path / "a.tdms", Layout(velocity="speed")).fs
+
+
+def test_the_unit_of_a_structure_is_that_of_its_array(tmp_path):
+    speed = {"data": np.full(90, 1500.0), "unit": "rpm"}
+    savemat(tmp_path / "a.mat", {"vib": np.arange(90.0), "fs": 10.0, "speed": speed})
+    recording = open_recording(tmp_path / "a.mat", Layout(channels=["vib"], velocity="speed.data"))
+    np.testing.assert_allclose(recording.velocity, 50 * np.pi)
+
+
+def test_texts_of_a_table_of_meta_stay_as_they_are(tmp_path):
+    names = [f"{n}.csv" for n in "abc"]
+    rows = (names, ["001", "1", "2"], ["None", "worn", "worn"], [1, 2, 3])
+    table = written_rows(tmp_path / "meta.csv", "file,unit,state,run", rows)
+    metas = [Layout(velocity=1.0, meta=str(table)).meta_of(name) for name in names[:2]]
+    assert metas[0] == {"unit": "001", "state": "None", "run": 1}
+    assert metas[1]["unit"] == "1"
