@@ -326,4 +326,8 @@ class _Stream:
 
 
 def _texts(lines: list[bytes]) -> list[str]:
-    return [line.decode().rstrip("\r\n") for line in lines]
+    try:
+        texts = [line.decode("utf-8-sig") for line in lines]
+    except UnicodeDecodeError:  # as in files
+        texts = [line.decode("cp1252") for line in lines]
+    return [text.rstrip("\r\n") for text in texts]

@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 from emacm._checks import check_signal, located
 from emacm.files.layout import Layout, constant_speed
 from emacm.files.sample_times import dates_of, rate_of_times, seconds_of
-from emacm.recordings.names import is_shaft_name, is_time_name, same_unit, split_unit, unit_factor
+from emacm.recordings.names import (
+    is_shaft_name,
+    is_time_name,
+    same_unit,
+    split_unit,
+    unit_factor,
+    unit_in_name,
+)
 from emacm.shaft.angle import angle_from_wrapped, is_wrapped
 from emacm.shaft.tacho import angle_from_tacho
 
@@ -340,8 +347,9 @@ def _shaft_column(content: FileColumns, layout: Layout) -> str | None:
     similar = content.like_shaft()
     hint = f"; {similar[0]!r} looks like one" if similar else ""
     example = similar[0] if similar else "speed"
+    unit = unit_in_name(example) or "rpm"
     raise ValueError(
-        f"the layout names no shaft reference{hint}. Set velocity = '{example} [rpm]' with its "
+        f"the layout names no shaft reference{hint}. Set velocity = '{example} [{unit}]' with its "
         f"unit, or a number [rad/s], or angle, or tacho; its columns are "
         f"{list(content.columns)}."
     )
@@ -533,7 +541,7 @@ def _shaft_unit(content: FileColumns, layout: Layout, column: str, kind: str) ->
         raise ValueError(_other_unit(stated, column, known))
     default = "rad/s" if kind == "velocity" else "rad"
     if not (stated or known) and re.search(r"rpm|hz|deg|rev|turn|rps|count|min", column.lower()):
-        usual = "rpm" if kind == "velocity" else "deg"
+        usual = unit_in_name(column) or "rpm" if kind == "velocity" else "deg"
         raise ValueError(
             f"the unit of {column!r} is not stated, and its name suggests another one than "
             f"{default}. State it in the layout, under [units]: {column!r} = '{usual}', or what it "

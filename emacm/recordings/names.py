@@ -167,11 +167,11 @@ def is_shaft_name(name: str, unit: str = "") -> bool:
     >>> is_shaft_name("current"), is_shaft_name("nut_speed", "mm/s"), is_shaft_name("n", "Hz")
     (False, False, False)
     """
-    words = set(_words(name))
-    if words & _LINEAR:
+    words, plain = set(_words(name)), _plain(unit)
+    if words & _LINEAR or any(plain in _sizes(linear) for linear in ("speed", "acceleration")):
         return False
     named = bool(words & _SHAFT_WORDS) or any(word.endswith(_SHAFT_ENDINGS) for word in words)
-    plain = _plain(unit.lower())
+    plain = plain.lower()
     return named or (plain in _sizes("velocity") and plain not in ("hz", "1/s", "s^-1"))
 
 
@@ -180,10 +180,11 @@ def unit_in_name(name: str) -> str:
 
     Examples
     --------
-    >>> unit_in_name("motor_rpm"), unit_in_name("X097RPM"), unit_in_name("speed")
-    ('rpm', 'rpm', '')
+    >>> unit_in_name("motor_rpm"), unit_in_name("X097RPM"), unit_in_name("speed_hz")
+    ('rpm', 'rpm', 'Hz')
     """
-    return "rpm" if any(word.endswith("rpm") for word in _words(name)) else ""
+    units = {"rpm": "rpm", "hz": "Hz", "rps": "rev/s"}
+    return next((u for end, u in units.items() if any(w.endswith(end) for w in _words(name))), "")
 
 
 def _words(name: str) -> list[str]:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import partial
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -85,7 +86,11 @@ def read_parts(path: Path) -> list[Any]:
                     f"[[Bearing]]."
                 )
             with located(name):
-                found += [kinds[name](**one) for one in np.ravel(tables)]
+                for one in np.ravel(tables):
+                    known = list(signature(kinds[name]).parameters)
+                    if unknown := [key for key in one if key not in known]:
+                        raise ValueError(f"{unknown[0]!r} is not known; possible are {known}.")
+                    found.append(kinds[name](**one))
         if not found:
             raise ValueError("it holds no part; write a table such as [[Bearing]].")
     return found
