@@ -129,6 +129,8 @@ class FileReports:
             history = inputs.with_units_and_times(history, layout, unit, self._time)
         names = [printable(path) for path in paths]
         pages = self._reports.pages(sources, names, partial(times_of, key=self._time))
+        for page, path in zip(pages, paths, strict=True):
+            page.unit = page.unit or inputs.unit_named(path, layout, unit)
         if self._time is None:  # without a start, it is the time at which the file was written
             for page, time in zip(pages, times or [], strict=False):
                 page.date = page.date or f"{when(time)} (file time)"

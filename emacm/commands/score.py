@@ -30,6 +30,7 @@ from emacm.models.scoring import check_model, scored_rows
 from emacm.recordings.digests import digest_of_file, model_digest
 from emacm.recordings.names import printable
 from emacm.reports.facts import decisions_of
+from emacm.reports.inputs import unit_named
 
 ALARM, FAILED = 1, 3  # exit status: a decision of --fail-on; files without a decision
 
@@ -159,7 +160,12 @@ class _Work:
         with_times = partial(times_of, key=self._options.time)
         scored = scored_rows(self._model, sources, names, self._options.jobs, facts=with_times)
         for (path, row), found in zip(new, scored, strict=True):
-            record = record_of(found, unit=self._unit_of(path), id=row["id"], **self._same)
+            record = record_of(
+                found,
+                unit=unit_named(path, self._layout, self._options.unit),
+                id=row["id"],
+                **self._same,
+            )
             if self._table is not None:
                 row.update(self._table.append(record))
                 if self._features and not row["error"]:
@@ -168,19 +174,6 @@ class _Work:
             else:
                 row.update(record)
                 print(lines_of([row], self._columns), end="", flush=True)
-
-    def _unit_of(self, path: Path) -> str:
-        """Return the unit that the meta of a file names; "" if it does not."""
-        try:
-            meta = self._layout.meta_of(path)
-        except ValueError:  # of a name that does not match; its row states why
-            return ""
-        if self._options.unit not in (None, *meta):
-            raise ValueError(
-                f"the meta of {printable(path)} has no {self._options.unit!r} (--unit), only "
-                f"{list(meta)}."
-            )
-        return str(meta.get(self._options.unit or "unit", ""))
 
     def _report(self, done: int, total: int, every: float = 5.0) -> None:
         """Report the progress, at most once in some seconds."""

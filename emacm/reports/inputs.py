@@ -230,6 +230,23 @@ def meta_value(path: Path, layout: Layout, key: str) -> Any:
         return meta[key]
 
 
+def unit_named(path: Path, layout: Layout, key: str | None) -> str:
+    """Return the unit that the meta of a file names, by default under "unit"; "" if it does not.
+
+    Raises
+    ------
+    ValueError
+        If the key is given, and the meta has none.
+    """
+    try:
+        meta = layout.meta_of(path)
+    except ValueError:  # of a name that does not match; its row or page states why
+        return ""
+    if key is not None:
+        return str(meta_value(path, layout, key))
+    return str(meta.get("unit", ""))
+
+
 def _started(path: Path, layout: Layout) -> pd.Timestamp:
     if not path.exists():
         return pd.Timestamp.now()
