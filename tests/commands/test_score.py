@@ -274,7 +274,7 @@ def test_the_help_states_the_exit_statuses(capsys):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--unit", "unt"), r"has no 'unt' \(--unit\), only \["),
+        (("--unit", "unt"), r"has no 'unt', only \["),
         (("--priors", "ok=0.5,ok=0.2,worn=0.3"), "--priors must be"),
     ],
 )
