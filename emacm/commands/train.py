@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import sys
 import warnings
 from collections.abc import Sequence
 from math import floor
@@ -188,7 +189,7 @@ def extent(
 ) -> tuple[float, float]:
     """Return the highest order and the length of a segment [revolutions] that all support.
 
-    Defects of files are printed.
+    Defects of files, and the file with the lowest of the highest orders, are printed to stderr.
 
     Raises
     ------
@@ -205,7 +206,7 @@ def extent(
                 f"orders. Leave the file out."
             )
         if row.warnings:
-            print(f"WARNING: {path}: {row.warnings}")
+            print(f"emacm: WARNING: {path}: {row.warnings}", file=sys.stderr)
         if orders is not None and orders > row.max_order:
             raise ValueError(
                 f"{path} has no content above order {row.max_order:.4g}. Lower --max-order, or "
@@ -215,7 +216,7 @@ def extent(
         orders = min(most_orders, floor(8 * quality["max_order"].min()) / 10)
         if orders < most_orders:
             least = recordings.paths[int(quality["max_order"].argmin())]
-            print(f"- The highest order, {orders:g}, is that of {printable(least)}.")
+            print(f"The highest order, {orders:g}, is that of {printable(least)}.", file=sys.stderr)
     if length is None:
         longest = float(quality["longest_stroke"].min())
         length = min(most_revolutions, floor(longest / 2) or floor(8 * longest) / 10)
