@@ -221,7 +221,8 @@ def _encoding(path: Path, n_head: int, longest: int) -> str:
 def _row(number: int, line: str, separator: str | None) -> _Row:
     is_comment = line.startswith(("#", "%"))
     line = line.lstrip("#% \t") if is_comment else line
-    fields = line.split(separator) if separator else line.split()
+    plain = re.sub(r"\s+(?=[\[(])", "", line)  # "speed [rpm]" is one name
+    fields = line.split(separator) if separator else plain.split()
     if separator and '"' in line:
         fields = next(csv.reader([line], delimiter=separator))
     return _Row(number, [text.strip().strip('"').strip() for text in fields], is_comment)
