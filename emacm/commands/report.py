@@ -133,6 +133,6 @@ class FileReports:
             page.unit = page.unit or inputs.unit_named(path, layout, unit)
         if self._time is None:  # without a start, it is the time at which the file was written
             for page, time in zip(pages, times or [], strict=False):
-                page.date = page.date or f"{when(time)} (file time)"
+                page.date = page.date or f"{when(time)} UTC (file time)"
         add_since(pages, history, units, times, self._time or "")
         return pages

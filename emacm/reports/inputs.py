@@ -249,9 +249,9 @@ def unit_named(path: Path, layout: Layout, key: str | None) -> str:
 
 def _started(path: Path, layout: Layout) -> pd.Timestamp:
     if not path.exists():
-        return pd.Timestamp.now()
+        return pd.Timestamp.now("UTC").tz_localize(None)
     with suppress(ImportError, OSError, TypeError, ValueError):  # its row or page states why
         start = open_recording(path, layout).start
         if start is not None:
             return start
-    return pd.Timestamp.fromtimestamp(path.stat().st_mtime)
+    return pd.Timestamp(path.stat().st_mtime, unit="s")  # UTC, as in records

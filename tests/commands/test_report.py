@@ -146,10 +146,10 @@ def test_without_a_key_the_time_is_that_of_the_file(here):
     for number, path in enumerate(sorted(Path("new").iterdir())):
         os.utime(path, (1.7e9 + 86400 * number, 1.7e9 + 86400 * number))
     assert run("report", "--unit", "unit", "--out", "all.html") == 0
-    day = pd.Timestamp.fromtimestamp(1.7e9 + 86400)
+    day = pd.Timestamp(1.7e9 + 86400, unit="s")
     html = Path("all.html").read_text(encoding="utf-8")
     assert f"was &#39;healthy&#39; ({day:%Y-%m-%d %H:%M})" in html
-    assert f"{day:%Y-%m-%d %H:%M} (file time)</h1>" in html
+    assert f"{day:%Y-%m-%d %H:%M} UTC (file time)</h1>" in html
 
 
 @pytest.mark.parametrize(

@@ -182,7 +182,7 @@ def test_times_are_those_that_the_files_state(tmp_path):
     paths = [tmp_path / f"{name}.csv" for name in names]
     _, times = units_and_times(paths, Layout(velocity=3.0), None, None)
     assert times[:2] == [pd.Timestamp("2026-11-02T08:01"), pd.Timestamp("2026-11-01T08:01")]
-    written = [pd.Timestamp.fromtimestamp(path.stat().st_mtime) for path in paths]
+    written = [pd.Timestamp(path.stat().st_mtime, unit="s") for path in paths]
     assert times[2:] == written[2:]
 
 
