@@ -83,12 +83,7 @@ UESTC = Bearing(8, 7.938, 33.5)  # UC204, from its lines
 FAULTS = {"B": "BSF", "IR": "BPFI", "OR": "BPFO"}
 RINGS = ("BPFI", "BPFO")
 SIZES = (7, 14, 21)
-OTHERS = (
-    "0.37",
-    "0.5",
-    "2.5",
-    "1",
-)  # impacts per revolution of a belt, a piston, blades, the shaft
+OTHERS = ("0.37", "0.5", "2.5", "1")  # impacts per revolution, as of a belt or a loose part
 RATE = 12_000
 CHANNEL = "casing"
 Runs = list[Recording]

@@ -200,7 +200,7 @@ def set_costs(
     labels = getattr(model, "classes_", ()) if labels is None else labels
     known = {str(label): label for label in labels}
     if cost is not None:
-        table = pd.read_csv(cost, index_col=0, dtype={0: str})
+        table = pd.read_csv(cost, index_col=0)
         table.index = table.index.astype(str)
         final.set_params(cost=table.rename(known, axis=0).rename(known, axis=1))
     if priors is not None:

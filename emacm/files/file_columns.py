@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from emacm._checks import check_signal, located
 from emacm.files.layout import Layout, constant_speed
-from emacm.files.sample_times import dates_of, rate_of_times, seconds_of
+from emacm.files.sample_times import dates_of, rate_of_times, seconds_of, time_unit
 from emacm.recordings.names import (
     is_shaft_name,
     is_time_name,
@@ -87,11 +87,11 @@ class FileColumns:
     def with_units_of_groups(self) -> FileColumns:
         """Return it with the unit of a group or structure for the only array that it holds."""
         units, names = dict(self.units), [*self.columns, *self.numbers]
-        for place, unit in self.units.items():
-            group = re.split(r"[/.]$", place)[0]
-            within = [name for name in names if re.match(rf"{re.escape(group)}[/.]", name)]
-            if place not in names and len(within) == 1:
-                units.setdefault(within[0], unit)
+        for place in self.units.keys() - set(names):
+            group = re.escape(re.sub(r"[/.]$", "", place))
+            within = [name for name in names if re.match(rf"{group}[/.]", name)]
+            if len(within) == 1:
+                units.setdefault(within[0], self.units[place])
         return replace(self, units=units)
 
     def like_shaft(self) -> list[str]:
@@ -250,7 +250,7 @@ def time_of_sample(content: FileColumns, layout: Layout, number: int) -> float |
     value = content.columns[name][number : number + 1]
     if value.dtype.kind not in "iuf":
         return dates_of(value, name).iloc[0].timestamp()
-    unit = layout.unit_of(name) or content.units.get(name) or "s"
+    unit = time_unit(name, layout.unit_of(name) or content.units.get(name, ""))
     return float(value[0]) * unit_factor(unit, "time")
 
 

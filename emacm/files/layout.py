@@ -325,7 +325,7 @@ def _meta_table(path: str) -> pd.DataFrame:
     """Return a table in which texts such as 001 and None stay as they are."""
     table = pd.read_csv(path, dtype=str, keep_default_na=False, na_values=[""])
     for name in table.columns.drop("file", errors="ignore"):
-        if not table[name].str.match(r"0\d").any():
+        if not table[name].str.match(r"0\d", na=False).any():
             with suppress(ValueError):
                 table[name] = pd.to_numeric(table[name])
     return table

@@ -37,18 +37,46 @@ def seconds_of(values: NDArray[Any], unit: str, name: str) -> Times:
         If a value is missing or is not a time, or has no unit and cannot be in seconds.
     """
     if values.dtype.kind in "iuf":
-        unit = unit or ("ms" if "ms" in re.findall("[a-z]+", name.lower()) else "")
-        if not unit and len(values) and values[0] > 1e11:  # s since 1970: in 5138
+        factor = unit_factor(time_unit(name, unit), "time")
+        if not unit and len(values) and values[0] * factor > 1e11:  # s since 1970: in 5138
             raise ValueError(
                 f"time column {name!r} begins at {values[0]:g}, which cannot be in s. State its "
                 f"unit, as in units = {{{name!r}: 'ms'}} of the layout, or {_ignore(name)}."
             )
-        seconds = values.astype(np.float64) * unit_factor(unit or "s", "time")
+        seconds = values.astype(np.float64) * factor
     else:
         dates = dates_of(values, name)
         seconds = (dates - dates.iloc[0]).dt.total_seconds().to_numpy()
     check_finite(seconds, f"time column {name!r}")
     return seconds - seconds[0]
+
+
+def time_unit(name: str, stated: str) -> str:
+    """Return the unit of a column of times: as stated, else ms if the name says so, else s.
+
+    Examples
+    --------
+    >>> time_unit("time_ms", ""), time_unit("time", ""), time_unit("time_ms", "us")
+    ('ms', 's', 'us')
+    """
+    return stated or ("ms" if "ms" in re.findall("[a-z]+", name.lower()) else "s")
+
+
+def stated_date(value: Any, key: str) -> pd.Timestamp:
+    """Return the date that the meta of a file states under a key.
+
+    Raises
+    ------
+    ValueError
+        If it is no date.
+    """
+    try:
+        return dates_of(np.array([str(value)]), key).iloc[0]
+    except ValueError as error:
+        raise ValueError(
+            f"{key} = {value!r} is not a time, such as 2026-11-01T08:01 or 01.11.2026 08:01. "
+            f"Correct the name of the file, or the table of meta."
+        ) from error
 
 
 def dates_of(values: NDArray[Any], name: str) -> pd.Series:

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from emacm._version import __version__
-from emacm.files.sample_times import dates_of
+from emacm.files.sample_times import stated_date
 
 VERSION = "1.0"  # of the schema; fields are only added in versions 1.x
 
@@ -152,7 +152,7 @@ def times_of(recording: Any, key: str | None = None) -> dict[str, Any]:
         if key not in recording.meta:
             raise ValueError(f"its meta has no {key!r} (--time), only {list(recording.meta)}.")
         if not isinstance(stated := recording.meta[key], int | float):
-            start = dates_of(np.array([stated]), key).iloc[0]
+            start = stated_date(stated, key)
     if start is None:
         start, times = recording.start, "file"
     length = pd.Timedelta(seconds=recording.duration)

@@ -269,10 +269,11 @@ def meta_value(entry: Any, index: int, key: Any, role: str) -> Any:
             f"{type(entry).__name__} without meta. Pass recordings with meta={{{key!r}: ...}}."
         )
     if key not in facts:
-        remedy = f"Correct {role}, set" if role.startswith("--") else "Set"
+        remedy = "Set it when the recording is made, or leave the recording out."
+        if role.startswith("--"):  # an option of a command
+            remedy = f"Correct {role}, or meta in the layout."
         raise ValueError(
-            f"{described(entry, index)} has no {kind} {key!r}, only {list(facts.keys())}. {remedy} "
-            f"it when the recording is made, or leave the recording out."
+            f"{described(entry, index)} has no {kind} {key!r}, only {list(facts.keys())}. {remedy}"
         )
     return _checked(facts[key], entry, index, f"its {kind} {key!r} is")
 

@@ -16,7 +16,7 @@ import pandas as pd
 from emacm._checks import located
 from emacm.files.folder import open_recording
 from emacm.files.layout import Layout, read_toml
-from emacm.files.sample_times import dates_of
+from emacm.files.sample_times import stated_date
 from emacm.history.sqlite_history import History
 from emacm.machine.gears import Gear, PlanetaryGear
 from emacm.machine.motors import InductionMotor, Motor
@@ -215,7 +215,7 @@ def units_and_times(
         try:  # texts have another order: "10" would be before "9"
             times = list(map(float, times))
         except ValueError:
-            times = dates_of(np.array(times), time).tolist()
+            times = [stated_date(value, time) for value in times]
     return None if unit is None else values(unit), times
 
 

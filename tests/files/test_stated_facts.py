@@ -59,3 +59,14 @@ def test_texts_of_a_table_of_meta_stay_as_they_are(tmp_path):
     metas = [Layout(velocity=1.0, meta=str(table)).meta_of(name) for name in names[:2]]
     assert metas[0] == {"unit": "001", "state": "None", "run": 1}
     assert metas[1]["unit"] == "1"
+
+
+def test_a_second_file_in_ms_is_aligned_by_its_times(tmp_path):
+    seconds, vib = np.arange(100) / 100, np.arange(100) % 7
+    written_rows(tmp_path / "a.csv", "time,vib", (seconds, vib))
+    before = np.arange(-500, 1501, 10)
+    written_rows(tmp_path / "a_speed.csv", "time_ms,speed", (before, 20 + before / 100))
+    second = {"file": "{stem}_speed.csv", "column": "speed"}
+    layout = Layout(channels=["vib"], velocity=second, units={"speed": "rad/s"})
+    found = open_recording(tmp_path / "a.csv", layout)
+    np.testing.assert_allclose(found.velocity[:100], 20 + 10 * seconds, rtol=1e-9)
