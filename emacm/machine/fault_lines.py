@@ -315,7 +315,7 @@ class LineLevels:
         return psd / 10 ** (self.heights(psd) / 10)
 
     def sidebands(self, psd: Array, fault: FaultSeries, slip: float) -> dict[str, float]:
-        """Return the mean height of the sidebands of a series, by name of the modulation [dB].
+        """Return the median height of the sidebands of a series, by name of the modulation [dB].
 
         Parameters
         ----------
@@ -338,7 +338,7 @@ class LineLevels:
             places = np.rint((sides - self._first) / self._step).astype(np.intp)
             inside = (sides > 2 * self._step) & (places < len(peaks) - 1)
             if inside.any():
-                found[name] = float(peaks[places[inside]].mean())
+                found[name] = float(np.median(peaks[places[inside]]))
         return found
 
     def compare(self, psd: Array, levels: Array) -> tuple[Array, Array]:

@@ -52,13 +52,14 @@ class NamingSettings:
     weaker : float
         Largest difference of its mean height to that of the first one [dB].
     sidebands : float
-        Height from which on sidebands are stated [dB].
+        Height from which on a fault has sidebands [dB].
     speed_error : float
         Largest deviation of a speed or a geometry that is looked for, as a fraction.
     longest, shortest : int
         Length of a segment, and of the longest stroke of a recording at least [revolutions].
-    fine : int
-        Length of a segment in which the lines of several faults are told apart [revolutions].
+    fine : tuple of int
+        Lengths of segments in which the lines of several faults are told apart [revolutions]: the
+        first separates more lines; in the second those that slip has widened are higher.
     narrow : float
         Spectral lines on either side that are background, if they are within half an order:
         strong lines are widened by random slip, and their skirts are no lines of other faults.
@@ -78,7 +79,7 @@ class NamingSettings:
     speed_error: float = 0.1
     longest: int = 25
     shortest: int = 10
-    fine: int = 100
+    fine: tuple[int, ...] = (100, 50)
     narrow: float = 12.5
     comb: float = 0.9
 
@@ -91,12 +92,6 @@ class FaultTable(pd.DataFrame):
     """Result of `find_faults`: a DataFrame; notebooks show what was named, with its sentences.
 
     Whatever is selected or computed from it is a plain DataFrame.
-
-    Examples
-    --------
-    >>> table = FaultTable({"recording": [0], "named": ["BPFI"], "p(BPFI)": [0.0005]})
-    >>> "<td>BPFI</td>" in table._repr_html_(), type(table[["named"]]).__name__
-    (True, 'DataFrame')
     """
 
     @property
@@ -187,8 +182,9 @@ def find_faults(
     it says nothing about other sources of lines.
 
     If the strongest fault is rejected, no other one is named. A further fault is named by lines
-    that those before it do not explain, in a spectrum of up to 100 revolutions: harmonics of those,
-    and their sidebands at three multiples of shaft and cage. At least two such lines (and the
+    that those before it do not explain, in a spectrum of up to 100 or 50 revolutions: harmonics of
+    those, and sidebands at three multiples of each order that modulates them: of their own, and of
+    shaft and cage where most of these sidebands stand out by 3 dB. At least two such lines (and the
     lowest order, unless it is explained) must be 9 dB above a background of 12 spectral lines on
     either side, and their score and depth must reach the limits of a first fault without `healthy`.
     Lines that coincide name nothing: the faults of bearings with orders near whole
@@ -356,6 +352,15 @@ class _Spectrum(NamedTuple):
             return None
         return self._replace(lines=_line_levels(tuple(orders.tolist()), series, widest))
 
+    def _modulations(self, fault: _Fault, turns: set[float]) -> list[float]:
+        """Return which orders modulate a fault: its own, and those whose sidebands stand out."""
+        asked = replace(fault.series, sidebands=tuple((str(turn), turn) for turn in turns))
+        heights = self.lines.sidebands(self.psd, asked, fault.slip)
+        own = {order for _, order in fault.series.sidebands}
+        stands_out = {t for t in turns if heights.get(str(t), 0.0) >= SETTINGS.sidebands}
+        # The shaft, and the cage, which slips as well.
+        return [turn * slowed for turn in own | stands_out for slowed in (1.0, 1 + fault.slip)]
+
     def further(self, named: Sequence[str], false_alarm: float) -> _Fault | None:
         """Return the strongest fault that has lines which those named do not explain."""
         faults = self.faults()
@@ -363,9 +368,8 @@ class _Spectrum(NamedTuple):
         least = max(np.mean(fault.heights) for fault in known) - SETTINGS.weaker
         turns = {order for fault in faults for _, order in fault.series.sidebands} | {1.0}
         explained = [
-            self.lines.explained(fault.series, fault.slip, [turn * slowed for turn in turns])
+            self.lines.explained(fault.series, fault.slip, self._modulations(fault, turns))
             for fault in known
-            for slowed in (1.0, 1 + fault.slip)  # the shaft, and the cage, which slips as well
         ]
         rest = [
             fault
@@ -391,8 +395,8 @@ class _Measured(NamedTuple):
     ----------
     number, channel : int, str
         Row or recording, and channel.
-    spectrum, fine : _Spectrum
-        Of segments for the average, and of long ones.
+    spectrum, fine : _Spectrum, and sequence of _Spectrum
+        Of segments for the average, and of longer ones.
     rpm : float
         Speed [1/min]; NaN for a table.
     defect : str
@@ -402,7 +406,7 @@ class _Measured(NamedTuple):
     number: int
     channel: str
     spectrum: _Spectrum
-    fine: _Spectrum
+    fine: Sequence[_Spectrum]
     rpm: float = np.nan
     defect: str = ""
 
@@ -421,7 +425,7 @@ class _Finding(NamedTuple):
         cls, measured: _Measured, healthy: Sequence[float] | None, false_alarm: float
     ) -> _Finding:
         """Decide on what is measured."""
-        faults = measured.spectrum.faults()
+        faults, fine = measured.spectrum.faults(), measured.fine
         own = [fault for fault in faults if not fault.modulated(faults)] or faults
         best = max(own, key=lambda fault: fault.score)
         if measured.defect:
@@ -432,13 +436,13 @@ class _Finding(NamedTuple):
         margin = SETTINGS.suspected if reason else SETTINGS.named
         error = None if healthy else _speed_error(measured.spectrum.wide(), faults, false_alarm)
         is_higher = error is not None and error.score >= best.score + margin
-        if error is not None and is_higher and not measured.fine.other_source(error):
+        if error is not None and is_higher and not fine[0].other_source(error):
             text = f"not assessed: {_speed_text(measured.rpm, error)}"
             return cls(faults, NOT_ASSESSED, error.series.name, error, text)
-        reason = reason or ("" if healthy else measured.fine.other_source(best))
+        reason = reason or ("" if healthy else fine[0].other_source(best))
         if not reason:
             names, text = [best.series.name], _sentence(best, faults)
-            while (more := measured.fine.further(names, false_alarm)) is not None:
+            while more := next(filter(None, (s.further(names, false_alarm) for s in fine)), None):
                 names.append(more.series.name)
                 text += f"; {_sentence(more, faults)}"
             return cls(faults, " + ".join(names), NONE, best, text)
@@ -525,7 +529,7 @@ def _measured(
     slip, channels = options["slip"], options["channels"]
     if column_names(X) is not None:
         for number, channel, spectrum in _of_table(X, series, slip, channels):
-            yield _Measured(number, channel, spectrum, spectrum)
+            yield _Measured(number, channel, spectrum, [spectrum])
         return
     top = highest_order(parts, options["harmonics"], slip)
     for index, recording in enumerate(as_recordings(X, "find_faults")):
@@ -535,22 +539,18 @@ def _measured(
             recipe = bearing_recipe(parts, revolutions=revolutions, **options)
             envelope = recipe[:2].fit_transform([recording])
             over_angle = recipe[2].fit_transform(envelope)
-            fine = clone(recipe[3]).set_params(revolutions=min(SETTINGS.fine, longest))
-            tables = (psd.fit_transform(over_angle) for psd in (recipe[3], fine))
+            lengths = (revolutions, *(min(length, longest) for length in SETTINGS.fine))
+            psds = (clone(recipe[3]).set_params(revolutions=length) for length in lengths)
+            tables = (psd.fit_transform(over_angle) for psd in psds)
             paths, signals = recording.paths(), envelope[0].signals
             speed = sum(path.length for path in paths) / sum(path.n_times for path in paths)
-            both = (_of_table(table, series, slip, channels) for table in tables)
-            for (_, channel, coarse), (*_, detailed) in zip(*both, strict=True):
+            rpm = speed * recording.shaft_fs * 30 / np.pi
+            spectra = (_of_table(table, series, slip, channels) for table in tables)
+            for found in zip(*spectra, strict=True):
+                channel = found[0][1]
                 mean = float(np.mean(signals[channel]))
-                spectrum, detailed = coarse._replace(mean=mean), detailed._replace(mean=mean)
-                yield _Measured(
-                    index,
-                    channel,
-                    spectrum,
-                    detailed,
-                    speed * recording.shaft_fs * 30 / np.pi,
-                    _defect(recording, channel),
-                )
+                spectrum, *fine = (each._replace(mean=mean) for *_, each in found)
+                yield _Measured(index, channel, spectrum, fine, rpm, _defect(recording, channel))
 
 
 def _defect(recording: Recording, channel: str) -> str:

@@ -50,8 +50,10 @@ def running(fault=None, *, seed=0, slip=-0.008, seconds=5, strength=1.0, resonan
     ],
 )
 def test_each_fault_is_named_at_varying_speed_beside_strong_harmonics(fault, kind):
-    row = find_faults([running(fault)], BEARING).iloc[0]
+    found = find_faults([running(fault)], BEARING)
+    row = found.iloc[0]
     assert row["named"] == fault
+    assert f"<td>{fault}</td>" in found._repr_html_()
     assert row[fault] > 6
     assert row[f"p({fault})"] < 0.001
     assert row["slip"] == pytest.approx(-0.008, abs=0.006)
