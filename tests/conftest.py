@@ -20,7 +20,9 @@ from hypothesis import settings  # noqa: E402
 settings.register_profile(
     "repeatable", deadline=None, derandomize=True, database=None, max_examples=25
 )
-settings.register_profile("explore", deadline=None, derandomize=False, print_blob=True)
+settings.register_profile(
+    "explore", deadline=None, derandomize=False, print_blob=True, max_examples=50
+)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 ROOT = Path(__file__).parents[1]

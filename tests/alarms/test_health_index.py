@@ -193,7 +193,7 @@ def test_rows_of_fit_are_no_baseline_of_a_chart():
 @pytest.mark.slow
 def test_few_exchangeable_baselines_are_called_unstable():
     rng, parts = np.random.default_rng(13), np.repeat([0, 1], 15)
-    found = [instability(x, parts) for x in rng.normal(size=(500, 30, 5))]
+    found = [instability(x, parts) for x in rng.normal(size=(250, 30, 5))]
     assert np.mean([bool(text) for text in found]) < 0.02
 
 
