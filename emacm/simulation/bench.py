@@ -16,7 +16,6 @@ from emacm.simulation import motor, sensors
 from emacm.simulation.faults import (
     FAULTS,
     Imperfections,
-    Passage,
     ball_passage,
     check_faults,
     draw_imperfections,
@@ -28,13 +27,13 @@ from emacm.simulation.laboratory import (
     RATED_CURRENT,
     TRANSDUCERS,
     Actuator,
+    Array,
     draw_run,
     draw_unit,
     drift,
     warmth,
 )
 from emacm.simulation.mechanics import bench_motion, rod_position
-from emacm.simulation.waves import Array
 
 
 class BenchTruth(NamedTuple):
@@ -56,8 +55,6 @@ class BenchTruth(NamedTuple):
         Phase currents, including the ripple of the inverter [A].
     acceleration : ndarray of shape (n_times,)
         Acceleration of the housing [g].
-    passages : dict of str to Passage
-        Passages of rolling elements over each defect.
     position_command : ndarray of shape (n_times,)
         Commanded position [in].
     load_command : ndarray of shape (n_times,)
@@ -71,7 +68,6 @@ class BenchTruth(NamedTuple):
     position: Array
     currents: Array
     acceleration: Array
-    passages: dict[str, Passage]
     position_command: Array
     load_command: Array
 
@@ -96,10 +92,8 @@ class LaboratoryBench:
     ----------
     unit : int
         Number of the unit. The same number is the same unit, before and after a fault.
-    faults : None, str or mapping of str to float
-        Severities in [0, 1] of the faults in `FAULTS`; a name alone is severity 1.
-    actuator : Actuator
-        Nominal constants; the `screw_lead` is not in the thesis.
+    faults : mapping of str to float
+        Severities in [0, 1] of the faults in `FAULTS`.
     electrical_noise : float
         Electrical noise of the motor in the cables of LVDT and velocity, relative to the default.
     unit_spread, run_spread : float
@@ -135,7 +129,6 @@ class LaboratoryBench:
 
     unit: int = 0
     faults: Mapping[str, float] = field(default_factory=dict, hash=False)
-    actuator: Actuator = field(default_factory=Actuator)
     electrical_noise: float = 1.0
     unit_spread: float = 1.0
     run_spread: float = 1.0
@@ -149,16 +142,13 @@ class LaboratoryBench:
     def __post_init__(self) -> None:
         object.__setattr__(self, "faults", check_faults(self.faults))
         for name in ("unit", "seed"):
-            count = check_count(getattr(self, name), name, at_least=0)
-            object.__setattr__(self, name, count)
+            check_count(getattr(self, name), name, at_least=0)
         for name in ("electrical_noise", "unit_spread", "run_spread"):
             check_number(getattr(self, name), name, at_least=0)
         check_choice(self.phases, "phases", ("a", "b", "c", "ab", "ac", "bc", "abc"))
         check_number(self.duration, "duration", at_least=0.01, unit="s")
         check_number(self.cutoff, "cutoff", above=0, unit="Hz")
         check_number(self.fs, "fs", above=max(2 * self.cutoff, 2 / self.duration), unit="Hz")
-        if not isinstance(self.actuator, Actuator):
-            raise TypeError(f"actuator must be an Actuator, got {self.actuator!r}.")
 
     @property
     def label(self) -> str:
@@ -171,21 +161,9 @@ class LaboratoryBench:
         return max(self._present.values(), default=0.0)
 
     @property
-    def orders(self) -> dict[str, tuple[float, ...]]:
-        """True orders of each fault that the unit has."""
-        return {name: FAULTS[name].orders for name in self._present}
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Channels of a recording."""
-        currents = [f"current_{phase}" for phase in self.phases]
-        commands = ("position_command", "load_command", "load_cell") if self.commands else ()
-        return ("lvdt", "velocity", *currents, "accelerometer", *commands)
-
-    @property
     def built(self) -> Actuator:
-        """Constants of this unit: `actuator` with its unit-to-unit variation."""
-        return draw_unit(self.actuator, self._rng("unit"), self.unit_spread)
+        """Constants of this unit: those of the design with unit-to-unit variation."""
+        return draw_unit(self._rng("unit"), self.unit_spread)
 
     def record(self, condition: int, run: int = 1) -> Recording:
         """Simulate one recording.
@@ -227,13 +205,19 @@ class LaboratoryBench:
             "velocity": (slope + 1) * truth.torques.velocity,  # computed from the resolver
             **{f"current_{x}": truth.currents["abc".index(x)] for x in self.phases},
             "accelerometer": gain * truth.acceleration,
-            **({"load_cell": truth.force} if self.commands else {}),
         }
+        if self.commands:
+            quantities["position_command"] = truth.position_command
+            quantities["load_command"] = truth.load_command
+            quantities["load_cell"] = truth.force
         kept = slice(int(np.count_nonzero(truth.times < 0)), None)
         level = self.electrical_noise * unit.electrical_noise
         mains, carrier = sensors.interference(truth.times, rng("interference"))
         signals = {}
         for name, values in quantities.items():
+            if name.endswith("command"):
+                signals[name] = values[kept].astype(np.float32)  # digital: no noise
+                continue
             sensor = name.partition("_")[0]
             transducer = TRANSDUCERS[sensor]
             cable = transducer.mains * mains + transducer.carrier * carrier
@@ -243,10 +227,8 @@ class LaboratoryBench:
                 sensor, values, rng(name), fs=self.fs, cutoff=self.cutoff, cable=cable
             )
             signals[name] = settled[kept]
-        for name in ("position_command", "load_command") if self.commands else ():
-            signals[name] = getattr(truth, name)[kept].astype(np.float32)  # digital: no noise
         return Recording(
-            {name: signals[name] for name in self.channels},
+            signals,
             self.fs,
             angle=sensors.resolver_angle((angle + error)[kept], rng("resolver")),
             shaft_fs=self.fs / ASSUMED.shaft_decimation,
@@ -310,7 +292,6 @@ class LaboratoryBench:
             position,
             currents,
             motor.housing_acceleration(shaking, actuator, fs),
-            passages,
             row.position(times, phase),
             load_command,
         )
@@ -332,15 +313,15 @@ class LaboratoryBench:
         TypeError, ValueError
             If the condition or run does not exist.
         """
-        number = check_count(condition, "condition")
+        check_choice(check_count(condition, "condition"), "condition", tuple(CONDITIONS))
         return {
             "unit": self.unit,
-            "condition": check_choice(number, "condition", tuple(CONDITIONS)),
+            "condition": int(condition),
             "run": check_count(run, "run"),
             "label": self.label,
             "severity": self.severity,
             "faults": self._present,
-            "orders": self.orders,
+            "orders": {name: FAULTS[name].orders for name in self._present},
         }
 
     @property

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from emacm._checks import check_choice, check_number
 from emacm.machine.fault_orders import fault_orders
 from emacm.machine.rolling import Bearing
-from emacm.simulation.laboratory import ASSUMED
-from emacm.simulation.waves import Array
+from emacm.simulation.laboratory import ASSUMED, Array
 
 # Assumed: geometry of an angular contact bearing that gives the order 6.123 of chapter 4.
 BEARING = Bearing(10, 0.2478, 1.0, math.radians(25))
@@ -119,17 +118,15 @@ FAULT_ORDERS: Mapping[str, tuple[float, ...]] = {
 
 
 def check_faults(faults: Any) -> dict[str, float]:
-    """Return severities in [0, 1] by fault, in the order of `FAULTS`; a name alone is severity 1.
+    """Return severities in [0, 1] by fault, in the order of `FAULTS`.
 
     Examples
     --------
     >>> check_faults({"jam": 0.5, "ball": 1})
     {'ball': 1.0, 'jam': 0.5}
     """
-    if faults is None or isinstance(faults, str):
-        faults = {faults: 1.0} if faults else {}
     if not isinstance(faults, Mapping):
-        raise TypeError(f"faults must be None, a name or {{'inner ring': 0.5}}, got {faults!r}.")
+        raise TypeError(f"faults must be a mapping such as {{'inner ring': 0.5}}, got {faults!r}.")
     for name, severity in faults.items():
         check_choice(name, "a fault", tuple(FAULTS))
         check_number(severity, f"severity of {name!r}", at_least=0, at_most=1)
@@ -159,10 +156,7 @@ class Passage(NamedTuple):
     @property
     def pulses(self) -> Array:
         """One pulse per rolling element, with mean 0 and a width of a fifth of their distance."""
-        shape = np.cos(np.pi * self.phase)
-        for _ in range(4):  # to the power 16; a power function is several times slower
-            shape *= shape
-        return self.weight * (shape - 6435 / 32768)  # the mean of cos^16
+        return self.weight * (np.cos(np.pi * self.phase) ** 16 - 6435 / 32768)  # less its mean
 
 
 def ball_passage(

@@ -13,8 +13,7 @@ from emacm._checks import check_choice, check_count, check_number
 from emacm.recordings.recording import Recording
 from emacm.simulation.bench import LaboratoryBench
 from emacm.simulation.faults import FAULTS
-from emacm.simulation.laboratory import ASSUMED
-from emacm.simulation.waves import Array
+from emacm.simulation.laboratory import ASSUMED, Array
 
 STATES = ("healthy", "screw", "inner ring")
 

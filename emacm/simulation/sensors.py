@@ -8,8 +8,7 @@ from scipy.constants import arcminute
 
 from emacm.shaft.angle import angle_from_resolver
 from emacm.simulation.faults import POLE_PAIRS, Imperfections
-from emacm.simulation.laboratory import ASSUMED, TRANSDUCERS, Actuator
-from emacm.simulation.waves import Array, sines
+from emacm.simulation.laboratory import ASSUMED, TRANSDUCERS, Actuator, Array, sines
 
 
 def interference(times: Array, rng: np.random.Generator) -> tuple[Array, Array]:
