@@ -151,12 +151,12 @@ class ShaftHarmonics(StrokeFeatures):
                 "angle=..., or use ShaftHarmonics with phase='relative' or phase=None."
             )
 
-    def _feature_names(self) -> list[tuple[str, ...]]:
+    def _feature_names(self) -> list[str]:
         lines = [word + number_name(k) for k in self.orders for word in _COLUMNS[self.phase]]
         if self.n_sections == 1:
-            return [(line,) for line in lines]
-        sections = [f"{number}of{self.n_sections}" for number in range(1, self.n_sections + 1)]
-        return [(section, line) for section in sections for line in lines]
+            return lines
+        numbers = range(1, self.n_sections + 1)
+        return [f"{number}of{self.n_sections}:{line}" for number in numbers for line in lines]
 
     def _features(self, strokes: Sequence[StrokeSignal]) -> Array:
         found = np.stack([self._of_section(strokes, k) for k in range(self.n_sections)])

@@ -1,8 +1,7 @@
 """Base class of the estimators that compute named feature columns from strokes.
 
 A column is named ``channel+:feature`` for forward strokes, ``channel-:feature`` for reverse ones,
-``channel:feature`` for both together, and ``channel+:section:feature`` for a section of the
-strokes. Orders and bins have other names, ``channel@...``.
+``channel:feature`` for both together. Orders and bins have other names, ``channel@...``.
 """
 
 from __future__ import annotations
@@ -47,15 +46,12 @@ class StrokeSignal(NamedTuple):
         Shaft angle at the start of the stroke [rad].
     direction : {1, -1, 0}
         Forward, reverse, or 0 where both were joined ("travel").
-    fs : float or None
-        Sampling rate [Hz]; None over the shaft angle.
     """
 
     signal: Samples
     travel: Samples
     start_angle: float
     direction: int
-    fs: float | None
 
     @property
     def angle(self) -> Samples:
@@ -67,29 +63,13 @@ class StrokeSignal(NamedTuple):
         return self._replace(signal=self.signal[samples], travel=self.travel[samples])
 
 
-class StrokeSignals(NamedTuple):
-    """Signals of a recording in each stroke and at rest.
-
-    Attributes
-    ----------
-    strokes : list of list of StrokeSignal
-        Strokes in order of time, for each channel.
-    rest : list of ndarray, or None
-        Samples that belong to no stroke, for each channel; None over the shaft angle, where
-        there are no such samples.
-    """
-
-    strokes: list[list[StrokeSignal]]
-    rest: list[Samples] | None
-
-
 def cut_into_strokes(
     recording: Recording | AngleRecording,
     channels: Sequence[str],
     *,
     min_speed: float = 0.0,
     min_revolutions: float = 0.0,
-) -> StrokeSignals:
+) -> list[list[StrokeSignal]]:
     """Cut channels of a recording into its strokes.
 
     Parameters
@@ -103,18 +83,19 @@ def cut_into_strokes(
         Speed up to which the shaft counts as standing still [rad/s]; a recording over the angle
         has its own value.
     min_revolutions : float
-        Strokes shorter than this [revolutions] are ignored; over time they count as rest.
+        Strokes shorter than this [revolutions] are ignored.
 
     Returns
     -------
-    StrokeSignals
+    list of list of StrokeSignal
+        Strokes in order of time, for each channel.
 
     Examples
     --------
     >>> run = Recording({"force": [0, 1, 2, 3, 4, 5]}, 1.0, velocity=[0.0, 1, 1, 0, -1, -1])
-    >>> strokes, rest = cut_into_strokes(run, ["force"])
-    >>> [(s.signal.tolist(), s.direction) for s in strokes[0]], rest[0].tolist()
-    ([([1.0, 2.0], 1), ([4.0, 5.0], -1)], [0.0, 3.0])
+    >>> (strokes,) = cut_into_strokes(run, ["force"])
+    >>> [(s.signal.tolist(), s.direction) for s in strokes]
+    [([1.0, 2.0], 1), ([4.0, 5.0], -1)]
     """
     strokes: list[list[StrokeSignal]] = [[] for _ in channels]
     if isinstance(recording, AngleRecording):
@@ -123,20 +104,16 @@ def cut_into_strokes(
             travel = recording.theta_s * np.arange(stroke.n_angles)
             for found, name in zip(strokes, channels, strict=True):
                 signal = signals[recording.channels.index(name)]
-                found.append(StrokeSignal(signal, travel, start, stroke.direction, None))
-        return StrokeSignals(strokes, None)
+                found.append(StrokeSignal(signal, travel, start, stroke.direction))
+        return strokes
     paths = recording.paths(min_speed=min_speed)
-    rest = []
     for found, name in zip(strokes, channels, strict=True):
         signal, fs = recording.signals[name], recording.fs[name]
-        standing = np.ones(len(signal), dtype=bool)
         for path in (p for p in paths if p.length >= min_revolutions * (2 * np.pi)):
             first, last = path.sample_range(fs, len(signal))
-            standing[first:last] = False
             travel, start = path.travel_at(fs, first, last), path.start_angle
-            found.append(StrokeSignal(signal[first:last], travel, start, path.direction, fs))
-        rest.append(signal[standing])
-    return StrokeSignals(strokes, rest)
+            found.append(StrokeSignal(signal[first:last], travel, start, path.direction))
+    return strokes
 
 
 Row = Recording | AngleRecording
@@ -198,13 +175,13 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
             shares = [self._forward(row) for row in rows]
             self._known_forward = min(shares), max(shares)
         self._check_rows(rows)
-        names = [":".join(key) for key in self._keys()]
-        if len(set(names)) < len(names):
-            raise ValueError(
-                f"channels {list(self.channels_)} give two columns the same name; rename "
-                f"those that end in '+' or '-' or contain a ':'."
-            )
-        self._columns_out = names
+        signs = WAYS if self.by_direction_ else ("",)
+        self._columns_out = [
+            f"{channel}{sign}:{name}"
+            for channel in self.channels_
+            for sign in signs
+            for name in self._feature_names()
+        ]
         return self
 
     def transform(self, X: Any) -> NDArray[np.float64]:
@@ -278,7 +255,7 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
     def _check_own_parameters(self) -> None:
         """Raise if a parameter of the subclass is invalid."""
 
-    def _feature_names(self) -> list[tuple[str, ...]]:
+    def _feature_names(self) -> list[str]:
         """Return the column names without the channel, for strokes of one direction."""
         raise NotImplementedError
 
@@ -289,12 +266,6 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
     def _checked_table(self, table: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the features of all recordings from the results of `_row`."""
         return table
-
-    def _rest_names(self) -> list[tuple[str, ...]]:
-        return []
-
-    def _rest_features(self, rest: NDArray[np.floating]) -> Any:
-        return []
 
     def _check_parameters(self) -> None:
         check_choice(self.by_direction, "by_direction", (True, False, "auto"))
@@ -321,17 +292,6 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         """Return the fraction of the revolutions that is forward; NaN without strokes."""
         turned = np.array(self._turned(row)).reshape(-1, 2)
         return float(np.average(turned[:, 0] > 0, weights=turned[:, 1])) if len(turned) else np.nan
-
-    def _keys(self) -> list[tuple[str, ...]]:
-        signs = WAYS if self.by_direction_ else ("",)
-        return [
-            key
-            for channel in self.channels_
-            for key in (
-                *((channel + sign, *name) for sign in signs for name in self._feature_names()),
-                *((channel, *name) for name in self._rest_names()),
-            )
-        ]
 
     def _check_rows(self, rows: Sequence[Row]) -> None:
         """Raise if recordings differ from those of `fit`."""
@@ -362,35 +322,19 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
             )
 
     def _row(self, row: Row) -> NDArray[np.float64]:
-        with np.errstate(over="ignore", invalid="ignore"):
-            limits = {"min_speed": self.min_speed, "min_revolutions": self.min_revolutions}
-            signals = cut_into_strokes(row, self.channels_, **limits)
-            blocks = [
-                block for k in range(len(self.channels_)) for block in self._of_channel(signals, k)
-            ]
-            values = np.concatenate(blocks).astype(np.float64)
-            if not np.all(np.isfinite(values)):
-                column = self._columns_out[int(np.argmin(np.isfinite(values)))]
-                raise ValueError(
-                    f"{column!r} exceeds the range of floating-point numbers. Convert the channel "
-                    f"to another unit."
-                )
-            return values
-
-    def _of_channel(self, signals: StrokeSignals, number: int) -> list[Any]:
-        channel, blocks = self.channels_[number], []
-        for sign, way in WAYS.values() if self.by_direction_ else [(0, "")]:
-            kind = f"{way} stroke".strip()
-            strokes = [s for s in signals.strokes[number] if sign in (0, s.direction)]
-            if not strokes:
-                raise ValueError(
-                    f"it has no {kind} of two samples and {self.min_revolutions:g} revolutions. "
-                    f"Leave it out, check min_speed, min_revolutions and the shaft reference, or "
-                    f"use by_direction=False."
-                )
-            with located(f"channel {channel!r}, {kind}s"):
-                blocks.append(self._features(strokes))
-        if signals.rest is not None:
-            with located(f"channel {channel!r}, at rest"):
-                blocks.append(self._rest_features(signals.rest[number]))
-        return blocks
+        limits = {"min_speed": self.min_speed, "min_revolutions": self.min_revolutions}
+        blocks = []
+        channels = cut_into_strokes(row, self.channels_, **limits)
+        for channel, strokes in zip(self.channels_, channels, strict=True):
+            for sign, way in WAYS.values() if self.by_direction_ else [(0, "")]:
+                kind = f"{way} stroke".strip()
+                chosen = [stroke for stroke in strokes if sign in (0, stroke.direction)]
+                if not chosen:
+                    raise ValueError(
+                        f"it has no {kind} of two samples and {self.min_revolutions:g} "
+                        f"revolutions. Leave it out, check min_speed, min_revolutions and the "
+                        f"shaft reference, or use by_direction=False."
+                    )
+                with located(f"channel {channel!r}, {kind}s"):
+                    blocks.append(self._features(chosen))
+        return np.concatenate(blocks).astype(np.float64)
