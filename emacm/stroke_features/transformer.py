@@ -28,7 +28,9 @@ from emacm.recordings.inputs import (
 )
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
+from emacm.resampling.quality import forward_share
 from emacm.resampling.training_range import Range, Statement, direction_statements
+from emacm.shaft.motion import ShaftPath
 
 Samples = NDArray[np.floating]
 
@@ -61,59 +63,6 @@ class StrokeSignal(NamedTuple):
     def cut(self, samples: slice) -> StrokeSignal:
         """Return some of the samples, at unchanged angles."""
         return self._replace(signal=self.signal[samples], travel=self.travel[samples])
-
-
-def cut_into_strokes(
-    recording: Recording | AngleRecording,
-    channels: Sequence[str],
-    *,
-    min_speed: float = 0.0,
-    min_revolutions: float = 0.0,
-) -> list[list[StrokeSignal]]:
-    """Cut channels of a recording into its strokes.
-
-    Parameters
-    ----------
-    recording : Recording or AngleRecording
-        A recording over time is cut at the ends of its strokes, without resampling.
-        One over the shaft angle is resampled in this call.
-    channels : sequence of str
-        Names of the channels.
-    min_speed : float
-        Speed up to which the shaft counts as standing still [rad/s]; a recording over the angle
-        has its own value.
-    min_revolutions : float
-        Strokes shorter than this [revolutions] are ignored.
-
-    Returns
-    -------
-    list of list of StrokeSignal
-        Strokes in order of time, for each channel.
-
-    Examples
-    --------
-    >>> run = Recording({"force": [0, 1, 2, 3, 4, 5]}, 1.0, velocity=[0.0, 1, 1, 0, -1, -1])
-    >>> (strokes,) = cut_into_strokes(run, ["force"])
-    >>> [(s.signal.tolist(), s.direction) for s in strokes]
-    [([1.0, 2.0], 1), ([4.0, 5.0], -1)]
-    """
-    strokes: list[list[StrokeSignal]] = [[] for _ in channels]
-    if isinstance(recording, AngleRecording):
-        for stroke in (s for s in recording.strokes if s.revolutions >= min_revolutions):
-            signals, start = stroke.signals, stroke.start_angle  # resampled here, once
-            travel = recording.theta_s * np.arange(stroke.n_angles)
-            for found, name in zip(strokes, channels, strict=True):
-                signal = signals[recording.channels.index(name)]
-                found.append(StrokeSignal(signal, travel, start, stroke.direction))
-        return strokes
-    paths = recording.paths(min_speed=min_speed)
-    for found, name in zip(strokes, channels, strict=True):
-        signal, fs = recording.signals[name], recording.fs[name]
-        for path in (p for p in paths if p.length >= min_revolutions * (2 * np.pi)):
-            first, last = path.sample_range(fs, len(signal))
-            travel, start = path.travel_at(fs, first, last), path.start_angle
-            found.append(StrokeSignal(signal[first:last], travel, start, path.direction))
-    return strokes
 
 
 Row = Recording | AngleRecording
@@ -172,7 +121,7 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         self.by_direction_ = self._separates_directions(rows)
         self._known_forward = None
         if not (self.by_direction_ or self._over_angle):
-            shares = [self._forward(row) for row in rows]
+            shares = [forward_share(self._strokes(row)) for row in rows]
             self._known_forward = min(shares), max(shares)
         self._check_rows(rows)
         signs = WAYS if self.by_direction_ else ("",)
@@ -224,9 +173,9 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
             For each recording.
         """
         check_is_fitted(self)
-        if self._known_forward is None:
+        if (known := self._known_forward) is None:
             return [[] for _ in X]
-        return [direction_statements(self._forward(row), self._known_forward) for row in X]
+        return [direction_statements(forward_share(self._strokes(row)), known) for row in X]
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Return the names of the columns.
@@ -273,25 +222,18 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         check_number(self.min_revolutions, "min_revolutions", at_least=0)
         self._check_own_parameters()
 
-    def _turned(self, row: Row) -> list[tuple[int, float]]:
-        """Return direction and revolutions of the strokes that are not too short."""
+    def _strokes(self, row: Row) -> list[Any]:
+        """Return the strokes that are not too short; over time, the paths of the shaft."""
         if isinstance(row, AngleRecording):
-            turned = [(stroke.direction, stroke.revolutions) for stroke in row.strokes]
-        else:
-            paths = row.paths("strokes", self.min_speed)
-            turned = [(path.direction, path.length / (2 * np.pi)) for path in paths]
-        return [(direction, n) for direction, n in turned if n >= self.min_revolutions]
+            return [s for s in row.strokes if s.revolutions >= self.min_revolutions]
+        shortest = 2 * np.pi * self.min_revolutions
+        return [path for path in row.paths(min_speed=self.min_speed) if path.length >= shortest]
 
     def _separates_directions(self, rows: Sequence[Row]) -> bool:
         """Return whether directions are separate; "auto": if a recording has strokes of both."""
         if self.by_direction != "auto":
             return bool(self.by_direction)
-        return any({1, -1} <= {direction for direction, _ in self._turned(row)} for row in rows)
-
-    def _forward(self, row: Row) -> float:
-        """Return the fraction of the revolutions that is forward; NaN without strokes."""
-        turned = np.array(self._turned(row)).reshape(-1, 2)
-        return float(np.average(turned[:, 0] > 0, weights=turned[:, 1])) if len(turned) else np.nan
+        return any({1, -1} <= {stroke.direction for stroke in self._strokes(row)} for row in rows)
 
     def _check_rows(self, rows: Sequence[Row]) -> None:
         """Raise if recordings differ from those of `fit`."""
@@ -322,9 +264,8 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
             )
 
     def _row(self, row: Row) -> NDArray[np.float64]:
-        limits = {"min_speed": self.min_speed, "min_revolutions": self.min_revolutions}
         blocks = []
-        channels = cut_into_strokes(row, self.channels_, **limits)
+        channels = _cut(row, self.channels_, self._strokes(row))
         for channel, strokes in zip(self.channels_, channels, strict=True):
             for sign, way in WAYS.values() if self.by_direction_ else [(0, "")]:
                 kind = f"{way} stroke".strip()
@@ -338,3 +279,28 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
                 with located(f"channel {channel!r}, {kind}s"):
                     blocks.append(self._features(chosen))
         return np.concatenate(blocks).astype(np.float64)
+
+
+def _cut(row: Row, channels: Sequence[str], strokes: Sequence[Any]) -> list[list[StrokeSignal]]:
+    """Return the signals of each channel in the strokes of a recording.
+
+    Over time, samples are cut at the ends of strokes, without resampling; over the shaft angle,
+    the strokes are resampled in this call.
+    """
+    if isinstance(row, AngleRecording):
+        found: list[list[StrokeSignal]] = [[] for _ in channels]
+        for stroke in strokes:
+            signals, travel = stroke.signals, row.theta_s * np.arange(stroke.n_angles)
+            for name, cut in zip(channels, found, strict=True):
+                signal = signals[row.channels.index(name)]
+                cut.append(StrokeSignal(signal, travel, stroke.start_angle, stroke.direction))
+        return found
+    return [
+        [_of_path(path, row.signals[name], row.fs[name]) for path in strokes] for name in channels
+    ]
+
+
+def _of_path(path: ShaftPath, signal: Samples, fs: float) -> StrokeSignal:
+    first, last = path.sample_range(fs, len(signal))
+    travel = path.travel_at(fs, first, last)
+    return StrokeSignal(signal[first:last], travel, path.start_angle, path.direction)
