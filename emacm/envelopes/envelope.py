@@ -60,7 +60,7 @@ def check_band(band: Any, fs: float | None = None, name: str = "band") -> Band:
     return low, high
 
 
-def check_bands(band: Any, name: str = "band") -> Any:
+def check_bands(band: Any) -> Any:
     """Return a band, a list of bands, "full" or "kurtogram", after checking them.
 
     Examples
@@ -69,13 +69,13 @@ def check_bands(band: Any, name: str = "band") -> Any:
     ((200.0, 900.0), [(200.0, 900.0), (900.0, 2000.0)])
     """
     if isinstance(band, str):
-        return check_choice(band, name, ("full", "kurtogram"))
-    entries = list(band) if np.iterable(band) and not isinstance(band, dict) else []
-    if not entries or not all(np.iterable(entry) for entry in entries):
-        return check_band(band, name=name)
-    bands = [check_band(entry, name=f"band {i} of {name}") for i, entry in enumerate(entries)]
+        return check_choice(band, "band", ("full", "kurtogram"))
+    entries = list(band) if np.iterable(band) else []
+    if not entries or not all(map(np.iterable, entries)):
+        return check_band(band)
+    bands = [check_band(entry, name=f"band {i}") for i, entry in enumerate(entries)]
     if len(set(bands)) < len(bands):
-        raise ValueError(f"{name} must give each band once, got {band!r}.")
+        raise ValueError(f"band must give each band once, got {band!r}.")
     return bands
 
 
