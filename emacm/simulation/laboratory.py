@@ -163,7 +163,6 @@ class Assumed(NamedTuple):
     range: float = 10.0  # V, of the converter
     bits: int = 16  # of the converter
     filter_order: int = 4  # Butterworth conditioning filter
-    short_run_cutoff: float = 0.375  # of that filter at low rates, relative to the sampling rate
     shaft_decimation: int = 10  # samples of the channels per sample of the shaft angle
     resolver_noise: float = 5e-5  # RMS relative to the amplitude: 14 bits
     # Orders of the error of the resolver, and amplitudes relative to `Actuator.resolver_error`:
