@@ -80,13 +80,7 @@ class Bearing(Part):
         check_count(self.n_balls, "n_balls", at_least=2)
         _check_rolling(self)
         check_choice(self.rotating, "rotating", ("inner", "outer"))
-        half_angle = asin(self.ball_diameter / self.pitch_diameter)
-        if self.n_balls * half_angle > pi * (1 + 1e-9):  # more than the whole circle
-            raise ValueError(
-                f"{self.n_balls} balls of diameter {self.ball_diameter:g} do not fit on a pitch "
-                f"circle of diameter {self.pitch_diameter:g}. Give the number in one row, and both "
-                f"diameters in the same unit."
-            )
+        _check_fit(self, self.n_balls)
 
     def lines(self) -> tuple[Line, ...]:
         """Return the lines of both rings, the balls and the cage."""
@@ -165,12 +159,7 @@ class BallScrew(Part):
         _check_rolling(self)
         check_number(self.lead, "lead", above=0, at_most=100 * self.pitch_diameter)
         check_choice(self.rotating, "rotating", ("screw", "nut"))
-        turn = pi * self.pitch_diameter / cos(self._lead_angle)
-        if self.balls_per_turn * self.ball_diameter > turn * (1 + 1e-9):
-            raise ValueError(
-                f"{self.balls_per_turn:g} balls of diameter {self.ball_diameter:g} do not fit in a "
-                f"turn of length {turn:g}. All lengths must be in the same unit."
-            )
+        _check_fit(self, self.balls_per_turn, self._lead_angle)
 
     @property
     def _lead_angle(self) -> float:
@@ -219,6 +208,17 @@ def _check_rolling(part: Bearing | BallScrew) -> None:
             f"Convert degrees by math.radians({angle:g})."
         )
     check_mounting(part)
+
+
+def _check_fit(part: Bearing | BallScrew, n_balls: float, lead_angle: float = 0.0) -> None:
+    """Check that the balls fit in one row, or one turn."""
+    half_angle = asin(part.ball_diameter * cos(lead_angle) / part.pitch_diameter)
+    if n_balls * half_angle > pi * (1 + 1e-9):  # more than the whole circle
+        raise ValueError(
+            f"{n_balls:g} balls of diameter {part.ball_diameter:g} do not fit on a pitch circle of "
+            f"diameter {part.pitch_diameter:g}. Give the number in one row or turn, and all "
+            f"lengths in the same unit."
+        )
 
 
 # Number of rolling elements, their diameter, pitch diameter (one unit of length), contact angle

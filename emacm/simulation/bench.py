@@ -57,8 +57,6 @@ class BenchTruth(NamedTuple):
         Acceleration of the housing [g].
     position_command : ndarray of shape (n_times,)
         Commanded position [in].
-    load_command : ndarray of shape (n_times,)
-        Commanded load at the position of the rod: bias and spring of Table 4.3 [lbf].
     """
 
     actuator: Actuator
@@ -69,7 +67,6 @@ class BenchTruth(NamedTuple):
     currents: Array
     acceleration: Array
     position_command: Array
-    load_command: Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,9 +97,6 @@ class LaboratoryBench:
         Unit-to-unit and run-to-run variation, relative to the default; 0: none.
     phases : str
         Recorded phase currents: "a" as in the thesis, or "abc".
-    commands : bool
-        Whether to record the commands and the load too (Fig. 4.5 of the thesis). They describe
-        the test and not the health of the unit: do not give them to a classifier.
     duration : float
         Length of a recording [s]; not in the thesis, assumed.
     fs : float
@@ -133,7 +127,6 @@ class LaboratoryBench:
     unit_spread: float = 1.0
     run_spread: float = 1.0
     phases: str = "a"
-    commands: bool = False
     duration: float = 10.0
     fs: float = 48_000.0
     cutoff: float = 15_000.0
@@ -181,12 +174,10 @@ class LaboratoryBench:
         -------
         Recording
             Channels "lvdt" [in], "velocity" [rad/s], "current_a" [A] (or those of `phases`)
-            and "accelerometer" [g], in float32, which is sufficient for 16 bits; with `commands`
-            also "position_command" [in], "load_command" [lbf] and the reading of the load cell,
-            "load_cell" [lbf]. The shaft reference is the angle of the resolver at a tenth of the
-            rate: the actuator itself measures it, and it has neither drift nor the electrical
-            noise of the velocity channel. `meta` contains unit, condition, run, label, severity,
-            faults and orders.
+            and "accelerometer" [g], in float32, which is sufficient for 16 bits. The shaft
+            reference is the angle of the resolver at a tenth of the rate: the actuator itself
+            measures it, and it has neither drift nor the electrical noise of the velocity channel.
+            `meta` contains unit, condition, run, label, severity, faults and orders.
 
         Raises
         ------
@@ -206,18 +197,11 @@ class LaboratoryBench:
             **{f"current_{x}": truth.currents["abc".index(x)] for x in self.phases},
             "accelerometer": gain * truth.acceleration,
         }
-        if self.commands:
-            quantities["position_command"] = truth.position_command
-            quantities["load_command"] = truth.load_command
-            quantities["load_cell"] = truth.force
         kept = slice(int(np.count_nonzero(truth.times < 0)), None)
         level = self.electrical_noise * unit.electrical_noise
         mains, carrier = sensors.interference(truth.times, rng("interference"))
         signals = {}
         for name, values in quantities.items():
-            if name.endswith("command"):
-                signals[name] = values[kept].astype(np.float32)  # digital: no noise
-                continue
             sensor = name.partition("_")[0]
             transducer = TRANSDUCERS[sensor]
             cable = transducer.mains * mains + transducer.carrier * carrier
@@ -261,11 +245,10 @@ class LaboratoryBench:
         share = 1 + 0.01 * self.run_spread * of_run.standard_normal()
         times = np.arange(-round(ASSUMED.before * fs), round(self.duration * fs)) / fs
         motion = bench_motion(row, actuator, times, phase, share, faults["jam"])
-        load_command = row.load(motion.angle / actuator.angle_per_inch)
         force = motor.low_passed_noise(
             len(times), ASSUMED.load_bandwidth, fs, rng("load"), ASSUMED.load_error
         )
-        force += share * load_command
+        force += share * row.load(motion.angle / actuator.angle_per_inch)
         passages = {
             name: ball_passage(faults[name], motion.angle, rng(name), actuator.mark)
             for name in meta["faults"]
@@ -293,7 +276,6 @@ class LaboratoryBench:
             currents,
             motor.housing_acceleration(shaking, actuator, fs),
             row.position(times, phase),
-            load_command,
         )
 
     def meta(self, condition: int, run: int) -> dict[str, Any]:

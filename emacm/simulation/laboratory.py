@@ -107,7 +107,6 @@ TRANSDUCERS: Mapping[str, Transducer] = {
     "velocity": Transducer(500 * RPM, 4700 * RPM, 2e-3, 1e-3, 3e-3, 800.0, (6e-3, 4e-3)),
     "current": Transducer(5.0, 50.0, 5e-3, 1e-3),  # A
     "accelerometer": Transducer(1.0, 10.0, 3e-3, 5e-4, 1e-3),  # g
-    "load": Transducer(1000.0, 5500.0, 1e-3, 1e-3, 1e-3),  # lbf
 }
 
 

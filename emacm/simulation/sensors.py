@@ -61,7 +61,7 @@ def measured(
 
     Parameters
     ----------
-    sensor : {"lvdt", "velocity", "current", "accelerometer", "load"}
+    sensor : {"lvdt", "velocity", "current", "accelerometer"}
         Transducer.
     values : ndarray of shape (n_times,)
         True quantity, in the unit of the transducer.
