@@ -15,7 +15,6 @@ from emacm.recordings.recording import Recording
 from emacm.simulation import motor, sensors
 from emacm.simulation.faults import (
     FAULTS,
-    Imperfections,
     ball_passage,
     check_faults,
     draw_imperfections,
@@ -47,8 +46,6 @@ class BenchTruth(NamedTuple):
         Times [s]; the recording starts at 0.
     torques : Torques
         Torques and motion of the shaft.
-    force : ndarray of shape (n_times,)
-        Load against positive motion [lbf].
     position : ndarray of shape (n_times,)
         Position of the rod [in].
     currents : ndarray of shape (3, n_times)
@@ -62,7 +59,6 @@ class BenchTruth(NamedTuple):
     actuator: Actuator
     times: Array
     torques: motor.Torques
-    force: Array
     position: Array
     currents: Array
     acceleration: Array
@@ -188,7 +184,7 @@ class LaboratoryBench:
         rng = partial(self._rng, condition=condition, run=run)
         unit, angle = truth.actuator, truth.torques.angle
         current = truth.torques.motor / (unit.torque_constant * RATED_CURRENT)
-        error, slope = sensors.resolver_error(angle, unit, self._imperfections)
+        error, slope = sensors.resolver_error(angle, unit, *self._imperfections[:2])
         lvdt_gain = drift("lvdt_gain", truth.times, self.run_spread) * unit.lvdt_gain
         gain = drift("accelerometer_gain", truth.times, self.run_spread) * unit.accelerometer_gain
         quantities = {
@@ -255,7 +251,7 @@ class LaboratoryBench:
             if faults[name].rolls
         }
         unit = motor.Unit(actuator, faults, passages)
-        shares = self._imperfections.line_shares
+        shares = self._imperfections[2]
         line_force, line_torque = healthy_lines(motion.angle, shares, rng("lines"), fs)
         torques = motor.shaft_torques(
             unit, motion, force, line_torque, rng("friction"), self.run_spread
@@ -271,7 +267,6 @@ class LaboratoryBench:
             actuator,
             times,
             torques,
-            force,
             position,
             currents,
             motor.housing_acceleration(shaking, actuator, fs),
@@ -311,7 +306,7 @@ class LaboratoryBench:
         return {name: severity for name, severity in self.faults.items() if severity}
 
     @property
-    def _imperfections(self) -> Imperfections:
+    def _imperfections(self) -> tuple[Array, Array, Array]:
         return draw_imperfections(self._rng("imperfections"), self.unit_spread)
 
     def _in_run(self, condition: int, run: int, rng: np.random.Generator) -> Actuator:

@@ -210,34 +210,33 @@ def ball_passage(
     return Passage(phase, weight, impacts, sizes)
 
 
-class Imperfections(NamedTuple):
-    """Sizes relative to the nominal actuator, and phases, of the imperfections of one unit.
+def draw_imperfections(rng: np.random.Generator, spread: float = 1.0) -> tuple[Array, Array, Array]:
+    """Draw the imperfections of one unit, relative to the nominal actuator.
 
-    Attributes
+    Parameters
     ----------
+    rng : Generator
+        Random numbers of the unit.
+    spread : float
+        Unit-to-unit variation relative to the default; with 0, all sizes are 1.
+
+    Returns
+    -------
     resolver_shares, resolver_phases : ndarray of shape (3,)
-        Error of the resolver at orders 1, 2 and 12, in the order of `ASSUMED.resolver_errors`.
+        Size and phase [rad] of the errors of the resolver, in the order of
+        `ASSUMED.resolver_errors`.
     line_shares : ndarray of shape (n_lines,)
-        Lines of the rolling elements, in the order of `ASSUMED.healthy_lines`.
-    """
-
-    resolver_shares: Array
-    resolver_phases: Array
-    line_shares: Array
-
-
-def draw_imperfections(rng: np.random.Generator, spread: float = 1.0) -> Imperfections:
-    """Draw the imperfections of one unit; with `spread` 0, all relative sizes are 1.
+        Sizes of the lines of the rolling elements, in the order of `ASSUMED.healthy_lines`.
 
     Examples
     --------
-    >>> draw_imperfections(np.random.default_rng(0), spread=0).resolver_shares
+    >>> draw_imperfections(np.random.default_rng(0), spread=0)[0]
     array([1., 1., 1.])
     """
     n_errors, n_lines = len(ASSUMED.resolver_errors), len(ASSUMED.healthy_lines)
     shares = np.exp(spread * ASSUMED.of_lines * rng.standard_normal(n_errors + n_lines))
     phases = min(spread, 1.0) * rng.uniform(0, 2 * np.pi, n_errors)
-    return Imperfections(shares[:n_errors], phases, shares[n_errors:])
+    return shares[:n_errors], phases, shares[n_errors:]
 
 
 def healthy_lines(
@@ -252,7 +251,7 @@ def healthy_lines(
     angle : ndarray of shape (n_times,)
         Shaft angle [rad].
     shares : ndarray of shape (n_lines,)
-        `Imperfections.line_shares`.
+        From `draw_imperfections`.
     rng : Generator
         Random numbers of the run: positions of the balls at the start, and slip.
     fs : float
