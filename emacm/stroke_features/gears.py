@@ -16,7 +16,7 @@ from emacm._checks import check_count
 from emacm.recordings.inputs import as_recordings, run
 from emacm.resampling.angle_recording import AngleRecording, as_angle_recordings
 from emacm.stroke_features.statistics import normalized_moment
-from emacm.stroke_features.transformer import MAX_COLUMNS, Row, StrokeFeatures, StrokeSignal
+from emacm.stroke_features.transformer import MAX_COLUMNS, StrokeFeatures, StrokeSignal
 
 Array = NDArray[np.float64]
 
@@ -245,8 +245,8 @@ class GearIndicators(_RevolutionFeatures):
         """
         super().fit(X)
         rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
-        moments = run(self._moments, rows, n_jobs=self.n_jobs)
-        self.ensemble_ = np.mean([raw[:, -3:-1] for raw in moments], axis=0)
+        moments = self._moments(run(self._row, rows, n_jobs=self.n_jobs))
+        self.ensemble_ = moments[:, :, 6:8].mean(axis=0)
         return self
 
     def _check_own_parameters(self) -> None:
@@ -274,17 +274,14 @@ class GearIndicators(_RevolutionFeatures):
             phase_modulation(average, teeth),
         ]
 
-    def _moments(self, row: Row) -> Array:
-        return super()._row(row).reshape(-1, len(_INDICATORS) + 3)
-
-    def _row(self, row: Row) -> Array:
-        found = self._moments(row)
-        found[:, 4:6] /= _positive(self.ensemble_) ** 2
-        return np.delete(found, [6, 7], axis=1)
+    def _moments(self, table: Any) -> Array:
+        """Return what `_features` returns, by recording, and by channel and direction."""
+        return np.reshape(table, (len(table), -1, len(_INDICATORS) + 3))
 
     def _checked_table(self, table: Array, *, largest: float = 0.2) -> Array:
         """Return the indicators; warn if the phase of a mesh is modulated by more [rad]."""
-        modulation = table[:, :, -1]
+        moments = self._moments(table)
+        modulation = moments[:, :, -1]
         rows, gears = np.nonzero(modulation > largest)
         if len(rows):
             channel = self._columns_out[gears[0] * len(_INDICATORS)].rpartition(":")[0]
@@ -298,7 +295,8 @@ class GearIndicators(_RevolutionFeatures):
                 UserWarning,
                 stacklevel=4,
             )
-        return table[:, :, :-1].reshape(len(table), -1)
+        moments[:, :, 4:6] /= _positive(self.ensemble_) ** 2
+        return moments[:, :, :6].reshape(len(table), -1)
 
 
 def average_revolution(strokes: Sequence[StrokeSignal], n_samples: int) -> Array:

@@ -16,7 +16,6 @@ from emacm import (
 from emacm.envelopes.envelope import (
     EnvelopeSeries,
     analytic_filter,
-    envelope,
     kaiser_order,
 )
 from emacm.simulation.bench import LaboratoryBench
@@ -36,6 +35,10 @@ def noise(*shape, seed=0):
 
 def tone(frequency, amplitude=1.0):
     return amplitude * np.sin(TURN * frequency * TIMES + 0.3)
+
+
+def envelope(signal, fs, band, **options):
+    return EnvelopeSeries(signal, fs, band, **options)[:]
 
 
 # The envelope
