@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm._checks import check_choice, check_count, check_number
+from emacm._checks import check_count, check_number
 from emacm.recordings.recording import Recording
 from emacm.simulation.bench import LaboratoryBench
 from emacm.simulation.laboratory import Array
@@ -55,7 +55,6 @@ def simulate_actuator(
     >>> recording.channels, recording.meta["label"]
     (('lvdt', 'velocity', 'current_a', 'accelerometer'), 'screw')
     """
-    check_choice(state, "state", STATES)
     faults = {} if state == "healthy" else {state: severity}
     options = {"duration": 6.0, "fs": 4000.0, "cutoff": 1500.0} | constants
     return LaboratoryBench(faults=faults, **options).record(4, run)

@@ -28,6 +28,8 @@ _LEAST = np.finfo(np.float64).tiny ** 0.25  # its square does not underflow
 class _RevolutionFeatures(StrokeFeatures):
     """Base of features of averaged revolutions, which have the same number of samples each."""
 
+    _needs_angle = True
+
     def fit(self, X: Any, y: Any = None) -> Self:
         """Set the channels, the samples per revolution and the names of the columns.
 
@@ -54,11 +56,10 @@ class _RevolutionFeatures(StrokeFeatures):
     def _check_row(self, row: Any) -> None:
         super()._check_row(row)
         exact = 2 * np.pi / row.theta_s
-        if abs(exact - self._n_samples) > 1e-9 * self._n_samples or row.direction == "travel":
+        if abs(exact - self._n_samples) > 1e-9 * self._n_samples:
             raise ValueError(
-                f"it has {exact:.9g} samples per revolution and direction={row.direction!r}, but "
-                f"averages need strokes of {self._n_samples} samples per revolution. Set theta_s = "
-                f"2 * np.pi / {self._n_samples} and direction='strokes' of OrderResampler."
+                f"it has {exact:.9g} samples per revolution, but averages need "
+                f"{self._n_samples}. Set theta_s = 2 * np.pi / {self._n_samples} of OrderResampler."
             )
 
 

@@ -122,6 +122,8 @@ class ShaftHarmonics(StrokeFeatures):
         self.phase = phase
         self.n_sections = n_sections
 
+    _needs_angle = True
+
     def _check_own_parameters(self) -> None:
         orders = np.array(check_orders(self.orders))
         check_choice(self.phase, "phase", tuple(_COLUMNS))
@@ -138,11 +140,6 @@ class ShaftHarmonics(StrokeFeatures):
 
     def _check_row(self, row: Row) -> None:
         super()._check_row(row)
-        if isinstance(row, AngleRecording) and row.direction == "travel":
-            raise ValueError(
-                "it was resampled with direction='travel', which has no shaft angle: the phase "
-                "changes its sign at each reversal. Use direction='strokes'."
-            )
         measured: Recording = row.measured if isinstance(row, AngleRecording) else row
         if self.phase == "absolute" and measured.reference == "velocity":
             raise ValueError(

@@ -79,6 +79,7 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
     """
 
     by_direction_: bool
+    _needs_angle = False  # whether the features need the angle of the shaft, not only its travel
     _known_forward: Range | None
 
     def __init__(
@@ -252,10 +253,10 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         """Raise if a recording does not match the parameters."""
         if not isinstance(row, AngleRecording):
             return
-        if self.by_direction_ and row.direction == "travel":
+        if row.direction == "travel" and (self.by_direction_ or self._needs_angle):
             raise ValueError(
-                "by_direction needs strokes, but direction='travel' of OrderResampler joins both "
-                "directions. Use direction='strokes', or by_direction=False."
+                "it was resampled with direction='travel', which has no shaft angle and joins both "
+                "directions. Use direction='strokes'."
             )
         if self.min_speed not in (0, row.min_speed):
             raise ValueError(

@@ -38,7 +38,7 @@ def test_the_degraded_unit_has_a_bad_inner_ring_and_three_quarters_of_its_grease
 @pytest.mark.parametrize(
     ("make", "arguments", "message"),
     [
-        (simulate_actuator, {"state": "worn"}, "state must be one of 'healthy', 'screw'"),
+        (simulate_actuator, {"state": "worn"}, "a fault must be one of 'inner ring'"),
         (simulate_actuator, {"fs": 0}, "fs must be a number of Hz, above 3000, got 0"),
         (simulate_fleet, {"severity": (0.5, 1.5)}, "severity must be .* at most 1, got 1.5"),
         (simulate_fleet, {"severity": 0.5}, "severity must be a pair .*, got 0.5"),
