@@ -21,11 +21,11 @@ BEARING = Bearing(10, 0.2478, 1.0, math.radians(25))
 # like an outer ring; the lead, which changes the order by 0.05 %, is neglected.
 SCREW = Bearing(20, 0.1323, 1.0, math.radians(45))
 POLE_PAIRS = 6  # Table 4.1: 12 poles
-_LINES = fault_orders(BEARING)["order"]
-CAGE_ORDER = float(_LINES["FTF"])
+_LINES: Mapping[str, float] = fault_orders(BEARING)["order"].to_dict()
+CAGE_ORDER = _LINES["FTF"]
 # Orders of the rolling elements of a healthy unit, by part.
 HEALTHY_ORDERS: Mapping[str, float] = {
-    **{name: float(_LINES[name]) for name in ("FTF", "BPFO", "BPFI", "2xBSF")},
+    **{name: _LINES[name] for name in ("FTF", "BPFO", "BPFI", "2xBSF")},
     "screw": float(fault_orders(SCREW)["order"]["BPFO"]),
 }
 
@@ -91,11 +91,11 @@ _GEOMETRY = ("orders", "rolls", "turns_with", "place", "width")
 
 FAULTS: Mapping[str, Fault] = {
     "inner ring": Fault(
-        orders=(float(_LINES["BPFI"]),), rolls=True, turns_with=1.0, torque=0.3, impact=0.04
+        orders=(_LINES["BPFI"],), rolls=True, turns_with=1.0, torque=0.3, impact=0.04
     ),
-    "outer ring": Fault(orders=(float(_LINES["BPFO"]),), rolls=True, torque=0.3, impact=0.05),
+    "outer ring": Fault(orders=(_LINES["BPFO"],), rolls=True, torque=0.3, impact=0.05),
     "ball": Fault(
-        orders=(float(_LINES["2xBSF"]),), rolls=True, turns_with=CAGE_ORDER, torque=0.3, impact=0.03
+        orders=(_LINES["2xBSF"],), rolls=True, turns_with=CAGE_ORDER, torque=0.3, impact=0.03
     ),
     "cage": Fault(orders=(CAGE_ORDER,), torque=0.15, rolling_noise=0.8),
     # A spall in the groove of the nut.
@@ -108,9 +108,8 @@ FAULTS: Mapping[str, Fault] = {
     "lubrication": Fault(
         orders=(1.0,), torque=0.15, friction=1.5, friction_noise=0.35, rolling_noise=2.0
     ),
-    "jam": Fault(
-        friction=0.6, place=1.9, width=0.15
-    ),  # condition 3 reaches it only with a longer lead
+    # Condition 3 reaches its place only with a longer lead.
+    "jam": Fault(friction=0.6, place=1.9, width=0.15),
 }
 FAULT_ORDERS: Mapping[str, tuple[float, ...]] = {
     name: fault.orders for name, fault in FAULTS.items()
