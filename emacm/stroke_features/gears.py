@@ -76,8 +76,6 @@ class SynchronousAverage(_RevolutionFeatures):
     by_direction : bool or "auto"
         Average forward and reverse strokes separately, as columns ``channel+:…`` and
         ``channel-:…``. "auto": if a recording of `fit` has strokes of both directions.
-    min_revolutions : float
-        Shorter strokes are ignored [revolutions].
     n_jobs : int, optional
         Number of recordings processed in parallel, by joblib's active backend (default: threads).
 
@@ -94,8 +92,8 @@ class SynchronousAverage(_RevolutionFeatures):
     Notes
     -----
     `X` is the output of `OrderResampler` with 2π/theta_s a whole number n of samples per
-    revolution. The largest number of whole revolutions of each stroke is averaged; strokes are
-    aligned at the shaft angle and weighted by their revolutions. Columns ``channel:average0`` to
+    revolution. The largest number of whole revolutions of each stroke is averaged; shorter strokes
+    are ignored. Strokes are aligned at the shaft angle and weighted by their revolutions. Columns ``channel:average0`` to
     ``channel:average(n-1)``: the average at angles 0, theta_s, 2 theta_s, ... of the shaft. With
     a velocity as the reference, the angle starts at 0 wherever the shaft was. A component of
     another shaft is reduced to 1/(number of revolutions) or less, as is noise to
@@ -123,10 +121,9 @@ class SynchronousAverage(_RevolutionFeatures):
         *,
         channels: Sequence[str] | None = None,
         by_direction: bool | str = "auto",
-        min_revolutions: float = 0.0,
         n_jobs: int | None = None,
     ) -> None:
-        super().__init__(channels, by_direction, 0.0, min_revolutions, n_jobs)
+        super().__init__(channels, by_direction, 0.0, 1.0, n_jobs)
 
     def _feature_names(self) -> list[str]:
         if self._n_samples > MAX_COLUMNS:
@@ -150,8 +147,6 @@ class GearIndicators(_RevolutionFeatures):
         Compute forward and reverse strokes separately, as columns ``channel+:…`` and
         ``channel-:…``: teeth have two flanks. "auto": if a recording of `fit` has strokes of both
         directions.
-    min_revolutions : float
-        Shorter strokes are ignored [revolutions].
     n_jobs : int, optional
         Number of recordings processed in parallel, by joblib's active backend (default: threads).
 
@@ -219,10 +214,9 @@ class GearIndicators(_RevolutionFeatures):
         *,
         channels: Sequence[str] | None = None,
         by_direction: bool | str = "auto",
-        min_revolutions: float = 0.0,
         n_jobs: int | None = None,
     ) -> None:
-        super().__init__(channels, by_direction, 0.0, min_revolutions, n_jobs)
+        super().__init__(channels, by_direction, 0.0, 1.0, n_jobs)
         self.teeth = teeth
 
     def fit(self, X: Any, y: Any = None) -> Self:
@@ -306,7 +300,7 @@ def average_revolution(strokes: Sequence[StrokeSignal], n_samples: int) -> Array
     Parameters
     ----------
     strokes : sequence of StrokeSignal
-        Signals at angles 2π / n_samples apart.
+        Signals at angles 2π / n_samples apart, of at least one revolution.
     n_samples : int
         Samples per revolution.
 
@@ -314,11 +308,6 @@ def average_revolution(strokes: Sequence[StrokeSignal], n_samples: int) -> Array
     -------
     ndarray of shape (n_samples,)
         Average at the shaft angles 0, 2π / n_samples, ...
-
-    Raises
-    ------
-    ValueError
-        If no stroke contains a whole revolution.
     """
     orders = np.arange(n_samples // 2 + 1)
     total, n_turns = np.zeros(len(orders), complex), 0
@@ -330,12 +319,6 @@ def average_revolution(strokes: Sequence[StrokeSignal], n_samples: int) -> Array
             spectrum = np.conj(spectrum)
         total += spectrum * np.exp(-1j * orders * stroke.start_angle)
         n_turns += turns
-    if not n_turns:
-        longest = max(len(stroke.signal) for stroke in strokes) / n_samples
-        raise ValueError(
-            f"an average needs one whole revolution, but the longest stroke has {longest:.4g} "
-            f"revolutions. Check min_speed and ratio, or leave the recording out."
-        )
     return np.fft.irfft(total / n_turns, n_samples)
 
 

@@ -274,8 +274,8 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
                 if not chosen:
                     raise ValueError(
                         f"it has no {kind} of two samples and {self.min_revolutions:g} "
-                        f"revolutions. Leave it out, check min_speed, min_revolutions and the "
-                        f"shaft reference, or use by_direction=False."
+                        f"revolutions. Leave it out, check min_speed, ratio, min_revolutions and "
+                        f"the shaft reference, or use by_direction=False."
                     )
                 with located(f"channel {channel!r}, {kind}s"):
                     blocks.append(self._features(chosen))
