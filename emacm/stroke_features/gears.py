@@ -93,11 +93,11 @@ class SynchronousAverage(_RevolutionFeatures):
     -----
     `X` is the output of `OrderResampler` with 2π/theta_s a whole number n of samples per
     revolution. The largest number of whole revolutions of each stroke is averaged; shorter strokes
-    are ignored. Strokes are aligned at the shaft angle and weighted by their revolutions. Columns ``channel:average0`` to
-    ``channel:average(n-1)``: the average at angles 0, theta_s, 2 theta_s, ... of the shaft. With
-    a velocity as the reference, the angle starts at 0 wherever the shaft was. A component of
-    another shaft is reduced to 1/(number of revolutions) or less, as is noise to
-    1/sqrt(number of revolutions).
+    are ignored. Strokes are aligned at the shaft angle and weighted by their revolutions. Columns
+    ``channel:average0`` to ``channel:average(n-1)``: the average at angles 0, theta_s,
+    2 theta_s, ... of the shaft. With a velocity as the reference, the angle starts at 0 wherever
+    the shaft was. A component of another shaft is reduced to 1/(number of revolutions) or less, as
+    is noise to 1/sqrt(number of revolutions).
 
     References
     ----------
