@@ -73,10 +73,7 @@ def check_bands(band: Any) -> Any:
     entries = list(band) if np.iterable(band) else []
     if not entries or not all(map(np.iterable, entries)):
         return check_band(band)
-    bands = [check_band(entry, name=f"band {i}") for i, entry in enumerate(entries)]
-    if len(set(bands)) < len(bands):
-        raise ValueError(f"band must give each band once, got {band!r}.")
-    return bands
+    return [check_band(entry, name=f"band {i}") for i, entry in enumerate(entries)]
 
 
 def kaiser_order(low: float, high: float, fs: float, *, stop: float = 80.0) -> tuple[int, float]:
@@ -238,28 +235,6 @@ class EnvelopeSeries(ComputedSeries):
             return self._whitened.read(start, stop)
         near: Any = self._mirrored(start - self.reach, stop + self.reach)
         return scipy.signal.oaconvolve(near, self._taps, mode="valid")
-
-
-def band_at(band: Any, fs: float) -> Band:
-    """Return a band at a sampling rate: "full" is the widest one with a short filter.
-
-    Parameters
-    ----------
-    band : (low, high) or "full"
-        Edges [Hz]; "full" from 1/32 to 15/32 of the sampling rate.
-    fs : float
-        Sampling rate [Hz].
-
-    Returns
-    -------
-    (float, float)
-
-    Examples
-    --------
-    >>> band_at("full", 12_800.0)
-    (400.0, 6000.0)
-    """
-    return (fs / 32, 15 * fs / 32) if isinstance(band, str) else band
 
 
 def warn_of_long_filter(low: float, high: float, fs: float, *, excessive: float = 5.0) -> None:

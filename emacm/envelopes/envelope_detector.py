@@ -9,12 +9,7 @@ from typing import Any
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, located
-from emacm.envelopes.envelope import (
-    EnvelopeSeries,
-    band_at,
-    check_bands,
-    warn_of_long_filter,
-)
+from emacm.envelopes.envelope import EnvelopeSeries, check_bands, warn_of_long_filter
 from emacm.envelopes.kurtogram import kurtogram
 from emacm.recordings.inputs import (
     RecordingTransformer,
@@ -204,7 +199,8 @@ def _envelopes(
 ) -> dict[str, Series]:
     """Return the envelopes of a channel by name."""
     found: dict[str, Series] = {}
-    bands = band if isinstance(band, list) else [band_at(band, fs)]
+    widest = fs / 32, 15 * fs / 32  # that has a short filter
+    bands = band if isinstance(band, list) else [widest if isinstance(band, str) else band]
     for name, (low, high) in zip(envelope_names(channel, band), bands, strict=True):
         found[name] = EnvelopeSeries(signal, fs, (low, high), squared=squared)
         warn_of_long_filter(low, high, fs)

@@ -162,8 +162,6 @@ class UnitLife(NamedTuple):
 
     Attributes
     ----------
-    unit : int
-        Number of the unit.
     ages : ndarray of shape (n_readings,)
         Ages of the readings [h].
     severity : ndarray of shape (n_readings,)
@@ -176,7 +174,6 @@ class UnitLife(NamedTuple):
         Age until which the unit is observed [h]: its life, or less.
     """
 
-    unit: int
     ages: Array
     severity: Array
     onset: float
@@ -279,7 +276,7 @@ class WearLaw:
         ages = np.arange(0, end, interval)
         times = onset + step * np.arange(len(logarithm))
         severity = np.where(ages < onset, 0.0, np.exp(np.interp(ages, times, logarithm)))
-        return UnitLife(unit, ages, np.minimum(severity, 1.0), onset, life, end)
+        return UnitLife(ages, np.minimum(severity, 1.0), onset, life, end)
 
 
 def run_to_failure_fleet(
