@@ -288,17 +288,18 @@ def _cut(row: Row, channels: Sequence[str], strokes: Sequence[Any]) -> list[list
     Over time, samples are cut at the ends of strokes, without resampling; over the shaft angle,
     the strokes are resampled in this call.
     """
+    found: list[list[StrokeSignal]] = [[] for _ in channels]
     if isinstance(row, AngleRecording):
-        found: list[list[StrokeSignal]] = [[] for _ in channels]
         for stroke in strokes:
             signals, travel = stroke.signals, row.theta_s * np.arange(stroke.n_angles)
             for name, cut in zip(channels, found, strict=True):
                 signal = signals[row.channels.index(name)]
                 cut.append(StrokeSignal(signal, travel, stroke.start_angle, stroke.direction))
         return found
-    return [
-        [_of_path(path, row.signals[name], row.fs[name]) for path in strokes] for name in channels
-    ]
+    for name, cut in zip(channels, found, strict=True):
+        signal, fs = row.signals[name], row.fs[name]  # read once, also from a file
+        cut += [_of_path(path, signal, fs) for path in strokes]
+    return found
 
 
 def _of_path(path: ShaftPath, signal: Samples, fs: float) -> StrokeSignal:
