@@ -36,10 +36,10 @@ from emacm.alarms.stationarity import trend_probability
 from emacm.monitoring import CUSUM, HealthIndex
 from emacm.stroke_features.gears import (
     mesh_envelope,
-    normalized_moment,
     phase_modulation,
     residual_signal,
 )
+from emacm.stroke_features.statistics import normalized_moment
 
 Array = NDArray[np.float64]
 EDGES = np.geomspace(100, 12_800, 13)  # Hz, bands of PRONOSTIA at 25.6 kHz

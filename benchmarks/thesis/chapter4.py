@@ -142,7 +142,7 @@ def reproduce_chapter4(
     for seed in extent.seeds:
         first = seed == extent.seeds[0]
         report(f"chapter 4: pair of units {len(studies) + 1} of {len(extent.seeds)}")
-        healthy, degraded = thesis_benches(seed=seed, commands=first, duration=extent.duration)
+        healthy, degraded = thesis_benches(seed=seed, duration=extent.duration)
         simulated = run_campaign(
             (healthy, replace(healthy, faults=degraded.faults), degraded),
             n_runs=extent.n_runs,
@@ -156,7 +156,7 @@ def reproduce_chapter4(
         studies.append(study(campaign, "thesis"))
         if first:
             others = [classified(campaign, name) for name in extent.readings if name != "thesis"]
-            chapter.tables["conditions"] = conditions_table(campaign)
+            chapter.tables["conditions"] = conditions_table(campaign, healthy)
             chapter.tables[_READINGS] = readings_table([*studies, *others])
             chapter.tables[_FOLDED] = folded_table(campaign)
             chapter.tables["lines that determine the decisions"] = lines_table(studies[0])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -272,13 +272,9 @@ def run_campaign(
     frame["bench"] = np.repeat(np.arange(len(benches)), n_each)
     frame["health"] = np.where(frame["bench"] == 0, "healthy", "degraded")
     frame["training"] = frame["run"] <= n_runs // 2
-    # Commands are recorded for the pictures of the runs that are kept.
-    plain = {bench: replace(bench, commands=False) for bench in benches}
     tasks = (
-        delayed(_spectra)(bench if kept_run else plain[bench], number, run, readings, kept_run)
-        for (bench, number, run), kept_run in zip(
-            runs, (keep & (frame["run"] == 1)).tolist(), strict=True
-        )
+        delayed(_spectra)(bench, number, run, readings, keep and run == 1)
+        for bench, number, run in runs
     )
     rows: list[dict[str, dict[str, pd.DataFrame]]] = []
     kept: dict[int, Recording] = {}

@@ -11,6 +11,7 @@ from scipy.stats import binomtest
 from chapter4_inputs import commanded_speed
 from chapter4_spectra import READINGS, SIGNALS, Campaign
 from chapter4_study import FUSED, GROUPS, SCHEMES, Study, explained_shares, outcome_shares
+from emacm.simulation.bench import LaboratoryBench
 from emacm.simulation.laboratory import CONDITIONS
 
 _TEST_RUNS = 100  # of the thesis: 2 units, 5 conditions, 10 runs
@@ -154,7 +155,7 @@ def median_and_range(values: pd.Series) -> str:
     return middle if low == high else f"{middle} ({low} to {high})"
 
 
-def conditions_table(campaign: Campaign) -> pd.DataFrame:
+def conditions_table(campaign: Campaign, healthy: LaboratoryBench) -> pd.DataFrame:
     """Return the motion of the shaft in each condition, from run 1 of the healthy unit."""
     frame = campaign.frame
     rows = [i for i in campaign.kept if frame["health"][i] == "healthy"]
@@ -166,8 +167,8 @@ def conditions_table(campaign: Campaign) -> pd.DataFrame:
     top = READINGS["thesis"].max_order
     table[f"order {top:g} at most [Hz]"] = top * table["fastest [rad/s]"] / (2 * np.pi)
     table["commanded speed [rev/min]"] = [commanded_speed(CONDITIONS[n]) for n in table.index]
-    table["stroke reached [%]"] = [
-        100 * float(np.ptp(r.signals["lvdt"]) / np.ptp(r.signals["position_command"]))
-        for r in (campaign.kept[i] for i in rows)
-    ]
+    reached = [float(np.ptp(campaign.kept[i].signals["lvdt"])) for i in rows]
+    truths = [healthy.truth(number) for number in table.index]
+    commanded = [np.ptp(truth.position_command[truth.times >= 0]) for truth in truths]
+    table["stroke reached [%]"] = 100 * np.array(reached) / commanded
     return table

@@ -139,7 +139,7 @@ def envelopes_of(steps: Any) -> dict[str, str]:
         for _, step in getattr(steps, "steps", ())
         if isinstance(step, EnvelopeDetector)
         for channel, band in step.bands_.items()
-        for name in envelope_names(channel, band, step.suffix)
+        for name in envelope_names(channel, band)
     }
 
 

@@ -200,8 +200,8 @@ class KurtogramDisplay(Display):
     >>> import numpy as np
     >>> from emacm import kurtogram
     >>> noise = np.random.default_rng(0).standard_normal(20_000)
-    >>> len(KurtogramDisplay(kurtogram(noise, 10_000, levels=2)).frame())
-    14
+    >>> len(KurtogramDisplay(kurtogram(noise, 10_000)).frame())
+    401
     """
 
     found: Kurtogram

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 import scipy  # which imports scipy.signal, a tenth of a second, when it is used
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from emacm._checks import check_choice, check_finite, check_number, check_real_array
+from emacm._checks import check_choice, check_number
 from emacm.envelopes.prewhitening import WhitenedBand, WhitenedSeries
 from emacm.recordings.series import ComputedSeries
 from emacm.shaft.motion import BLOCK, Series
@@ -60,7 +60,7 @@ def check_band(band: Any, fs: float | None = None, name: str = "band") -> Band:
     return low, high
 
 
-def check_bands(band: Any, name: str = "band") -> Any:
+def check_bands(band: Any) -> Any:
     """Return a band, a list of bands, "full" or "kurtogram", after checking them.
 
     Examples
@@ -69,14 +69,11 @@ def check_bands(band: Any, name: str = "band") -> Any:
     ((200.0, 900.0), [(200.0, 900.0), (900.0, 2000.0)])
     """
     if isinstance(band, str):
-        return check_choice(band, name, ("full", "kurtogram"))
-    entries = list(band) if np.iterable(band) and not isinstance(band, dict) else []
-    if not entries or not all(np.iterable(entry) for entry in entries):
-        return check_band(band, name=name)
-    bands = [check_band(entry, name=f"band {i} of {name}") for i, entry in enumerate(entries)]
-    if len(set(bands)) < len(bands):
-        raise ValueError(f"{name} must give each band once, got {band!r}.")
-    return bands
+        return check_choice(band, "band", ("full", "kurtogram"))
+    entries = list(band) if np.iterable(band) else []
+    if not entries or not all(map(np.iterable, entries)):
+        return check_band(band)
+    return [check_band(entry, name=f"band {i}") for i, entry in enumerate(entries)]
 
 
 def kaiser_order(low: float, high: float, fs: float, *, stop: float = 80.0) -> tuple[int, float]:
@@ -150,9 +147,12 @@ def analytic_filter(low: float, high: float, fs: float) -> NDArray[np.complexflo
 
 
 class EnvelopeSeries(ComputedSeries):
-    """The envelope of a signal of any length, computed slice by slice when it is read.
+    """The envelope of a band of a signal: the magnitude of its analytic signal [1]_.
 
-    Beyond its ends the signal is extended by its mirror image.
+    It is computed slice by slice when it is read. The filter has no delay. Beyond its ends the
+    signal is extended by its mirror image. Values nearer to an end than half the filter length,
+    10 / (high - low) seconds, are therefore inaccurate. (Half the filter length is 2.5 divided by
+    the width of a transition, which is a quarter of the bandwidth.)
 
     Parameters
     ----------
@@ -161,9 +161,11 @@ class EnvelopeSeries(ComputedSeries):
     fs : float
         Its sampling rate [Hz].
     band : (low, high)
-        Band [Hz].
+        Edges of the band [Hz], where half of the amplitude passes.
     squared : bool
-        The squared envelope [U²], or the envelope [U].
+        The squared envelope [U²], in which periodic impacts have few lines and noise only adds a
+        constant level; otherwise the envelope itself [U]. Of a tone of amplitude A in the band: A²,
+        or A.
 
     Attributes
     ----------
@@ -176,6 +178,16 @@ class EnvelopeSeries(ComputedSeries):
     ------
     TypeError, ValueError
         If the band is not below the Nyquist frequency, or its filter is longer than the signal.
+
+    References
+    ----------
+    .. [1] R. B. Randall and J. Antoni, Mech. Syst. Signal Process. 25(2), 485-520, 2011.
+
+    Examples
+    --------
+    >>> tone = 3 * np.sin(2 * np.pi * 4000 * np.arange(4800) / 48_000)
+    >>> round(float(EnvelopeSeries(tone, 48_000, (2000, 6000))[2400]), 2)
+    9.0
     """
 
     _prepared = ("_taps", "_whitened")
@@ -223,83 +235,6 @@ class EnvelopeSeries(ComputedSeries):
             return self._whitened.read(start, stop)
         near: Any = self._mirrored(start - self.reach, stop + self.reach)
         return scipy.signal.oaconvolve(near, self._taps, mode="valid")
-
-
-def envelope(
-    signal: ArrayLike, fs: float, band: Band, *, squared: bool = True
-) -> NDArray[np.floating]:
-    """Return the envelope of a band of a signal: the magnitude of its analytic signal [1]_.
-
-    The filter has no delay. Beyond its ends the signal is extended by its mirror image. Values
-    nearer to an end than half the filter length, 10 / (high - low) seconds, are therefore
-    inaccurate. (Half the filter length is 2.5 divided by the width of a transition, which is a
-    quarter of the bandwidth.)
-
-    Parameters
-    ----------
-    signal : array-like of shape (..., n_times)
-        Signal at uniform times, in any unit U.
-    fs : float
-        Its sampling rate [Hz].
-    band : (low, high)
-        Edges of the band [Hz], where half of the amplitude passes.
-    squared : bool
-        Return the squared envelope [U²], in which periodic impacts have few lines and noise only
-        adds a constant level; otherwise the envelope itself [U].
-
-    Returns
-    -------
-    ndarray of shape (..., n_times)
-        Of a tone of amplitude A in the band, A² (or A); float32 stays float32.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If the signal is not finite, or shorter than the filter, or if the band is not below the
-        Nyquist frequency.
-
-    References
-    ----------
-    .. [1] R. B. Randall and J. Antoni, Mech. Syst. Signal Process. 25(2), 485-520, 2011.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> t = np.arange(4800) / 48_000
-    >>> squared = envelope(3 * np.sin(2 * np.pi * 4000 * t), 48_000, (2000, 6000))
-    >>> round(float(squared[2400]), 2)
-    9.0
-    """
-    check_choice(squared, "squared", (True, False))
-    fs = check_number(fs, "fs", above=0, unit="Hz")
-    array = check_real_array(signal, "signal")
-    check_finite(array.reshape(-1), "signal")
-    if array.ndim == 0 or array.shape[-1] < 2:
-        raise ValueError(f"signal must hold at least 2 samples, got shape {array.shape}.")
-    rows = array.reshape(-1, array.shape[-1])
-    return np.reshape([EnvelopeSeries(row, fs, band, squared=squared) for row in rows], array.shape)
-
-
-def band_at(band: Any, fs: float) -> Band:
-    """Return a band at a sampling rate: "full" is the widest one with a short filter.
-
-    Parameters
-    ----------
-    band : (low, high) or "full"
-        Edges [Hz]; "full" from 1/32 to 15/32 of the sampling rate.
-    fs : float
-        Sampling rate [Hz].
-
-    Returns
-    -------
-    (float, float)
-
-    Examples
-    --------
-    >>> band_at("full", 12_800.0)
-    (400.0, 6000.0)
-    """
-    return (fs / 32, 15 * fs / 32) if isinstance(band, str) else band
 
 
 def warn_of_long_filter(low: float, high: float, fs: float, *, excessive: float = 5.0) -> None:

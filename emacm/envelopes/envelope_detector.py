@@ -9,12 +9,7 @@ from typing import Any
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, located
-from emacm.envelopes.envelope import (
-    EnvelopeSeries,
-    band_at,
-    check_bands,
-    warn_of_long_filter,
-)
+from emacm.envelopes.envelope import EnvelopeSeries, check_bands, warn_of_long_filter
 from emacm.envelopes.kurtogram import kurtogram
 from emacm.recordings.inputs import (
     RecordingTransformer,
@@ -35,20 +30,16 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
 
     Parameters
     ----------
-    band : (low, high), list of (low, high), "full", "kurtogram", or mapping of str to these
-        Edges of the band [Hz], where half of the amplitude passes, or a band for each channel by
-        name. Of several bands, each envelope is a channel of its own, such as
-        "sound_500-1500Hz". "full": 1/32 to 15/32 of the sampling rate, for signals after
-        `CepstralPrewhitening`. "kurtogram": for each recording the band with the largest spectral
-        kurtosis (`kurtogram`); its signals are read in `transform`.
+    band : (low, high), list of (low, high), "full" or "kurtogram"
+        Edges of the band [Hz], where half of the amplitude passes. Of several bands, each envelope
+        is a channel of its own, such as "sound_500-1500Hz". "full": 1/32 to 15/32 of the sampling
+        rate, for signals after `CepstralPrewhitening`. "kurtogram": for each recording the band
+        with the largest spectral kurtosis (`kurtogram`); its signals are read in `transform`.
     channels : sequence of str, optional
-        Channels whose envelope is computed. Default: all of the first recording, or all that `band`
-        names.
+        Channels whose envelope is computed; the others are kept, for a second `EnvelopeDetector`
+        with another band, say. Default: all of the first recording.
     squared : bool
         Squared envelopes [U²], or envelopes [U].
-    suffix : str, optional
-        Keep the measured channel, and name the envelope by its name with this suffix (such as
-        "_envelope"). Default: envelopes replace their channels and have the same names.
 
     Attributes
     ----------
@@ -105,12 +96,10 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
         *,
         channels: Sequence[str] | None = None,
         squared: bool = True,
-        suffix: str | None = None,
     ) -> None:
         self.band = band
         self.channels = channels
         self.squared = squared
-        self.suffix = suffix
 
     def fit(self, X: Any, y: Any = None) -> EnvelopeDetector:
         """Learn which channels have which band; nothing is computed.
@@ -134,9 +123,8 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
         """
         recordings = as_recordings(X, "EnvelopeDetector")
         check_choice(self.squared, "squared", (True, False))
-        if self.suffix is not None and not (isinstance(self.suffix, str) and self.suffix):
-            raise TypeError(f"suffix must be text, such as '_envelope', got {self.suffix!r}.")
-        self.bands_ = self._checked_bands(recordings[0].channels)
+        chosen = chosen_channels(self.channels, recordings[0].channels)
+        self.bands_ = dict.fromkeys(chosen, check_bands(self.band))
         # The names of the channels do not depend on the band that a kurtogram selects.
         self.channels_ = self._detected(recordings, select=False)[0].channels
         return self
@@ -162,23 +150,7 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
         check_is_fitted(self)
         return self._detected(as_recordings(X, "EnvelopeDetector"))
 
-    def _checked_bands(self, first: Sequence[str]) -> dict[str, Any]:
-        """Return the band of each channel."""
-        chosen = chosen_channels(self.channels, first)
-        if not isinstance(self.band, Mapping):
-            return dict.fromkeys(chosen, check_bands(self.band))
-        if not self.band:
-            raise ValueError("band must name at least one channel.")
-        bands = {name: check_bands(b, f"band of {name!r}") for name, b in self.band.items()}
-        if self.channels is None:
-            return bands
-        missing = [name for name in chosen if name not in bands]
-        if missing:
-            raise ValueError(f"band names no band of channel {missing[0]!r}: {self.band!r}.")
-        return {name: bands[name] for name in chosen}
-
     def _detected(self, recordings: list[Recording], *, select: bool = True) -> list[Recording]:
-        options = bool(self.squared), self.suffix or ""
         detected = []
         for index, recording in enumerate(recordings):
             with located(partial(described, recording, index)):
@@ -188,52 +160,48 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
                     with located(f"channel {channel!r}"):
                         signal, fs = recording.series[channel], recording.fs[channel]
                         bands[channel] = kurtogram(signal, fs).band
-                detected.append(recording._derived(_envelope_content, bands, *options))
+                detected.append(recording._derived(_envelope_content, bands, bool(self.squared)))
         return detected
 
 
 def _envelope_content(
-    measured: Recording, bands: Mapping[str, Any], squared: bool, suffix: str
+    measured: Recording, bands: Mapping[str, Any], squared: bool
 ) -> dict[str, Any]:
     """Return what changes in a recording of which envelopes are taken."""
-    envelopes: dict[str, dict[str, Series]] = {}
-    for channel, band in bands.items():
-        with located(f"channel {channel!r}"):
-            envelopes[channel] = _envelopes(measured, channel, band, squared, suffix)
-        for name in envelopes[channel]:
-            if name in measured.channels and name != channel:
-                raise ValueError(f"it has a channel {name!r} already. Choose another suffix.")
     found: dict[str, Series] = {}
-    for name, signal in measured.series.items():
-        found |= envelopes[name] if name in envelopes and not suffix else {name: signal}
-    for added in envelopes.values():
-        found |= added
-    rates = dict(measured.fs)
-    rates |= {name: rates[channel] for channel in envelopes for name in envelopes[channel]}
-    return {"_series": found, "_fs": {name: rates[name] for name in found}}
+    rates: dict[str, float] = {}
+    for channel, signal in measured.series.items():
+        fs = measured.fs[channel]
+        signals = {channel: signal}
+        if channel in bands:
+            with located(f"channel {channel!r}"):
+                signals = _envelopes(signal, fs, channel, bands[channel], squared)
+        found |= signals
+        rates |= dict.fromkeys(signals, fs)
+    return {"_series": found, "_fs": rates}
 
 
-def envelope_names(channel: str, band: Any, suffix: str | None) -> list[str]:
+def envelope_names(channel: str, band: Any) -> list[str]:
     """Return the names of the envelopes of a channel.
 
     Examples
     --------
-    >>> envelope_names("sound", [(500.0, 1500.0)], None), envelope_names("sound", "full", "_e")
-    (['sound_500-1500Hz'], ['sound_e'])
+    >>> envelope_names("sound", [(500.0, 1500.0)]), envelope_names("sound", "full")
+    (['sound_500-1500Hz'], ['sound'])
     """
     if not isinstance(band, list):
-        return [channel + (suffix or "")]
-    return [f"{channel}_{low:g}-{high:g}Hz{suffix or ''}" for low, high in band]
+        return [channel]
+    return [f"{channel}_{low:g}-{high:g}Hz" for low, high in band]
 
 
 def _envelopes(
-    measured: Recording, channel: str, band: Any, squared: bool, suffix: str
+    signal: Series, fs: float, channel: str, band: Any, squared: bool
 ) -> dict[str, Series]:
     """Return the envelopes of a channel by name."""
-    signal, fs = measured.series[channel], measured.fs[channel]
     found: dict[str, Series] = {}
-    bands = band if isinstance(band, list) else [band_at(band, fs)]
-    for name, (low, high) in zip(envelope_names(channel, band, suffix), bands, strict=True):
+    widest = fs / 32, 15 * fs / 32  # that has a short filter
+    bands = band if isinstance(band, list) else [widest if isinstance(band, str) else band]
+    for name, (low, high) in zip(envelope_names(channel, band), bands, strict=True):
         found[name] = EnvelopeSeries(signal, fs, (low, high), squared=squared)
         warn_of_long_filter(low, high, fs)
     return found

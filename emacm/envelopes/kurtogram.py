@@ -54,8 +54,11 @@ class Kurtogram:
         return centre - half, centre + half
 
 
-def kurtogram(signal: ArrayLike | Series, fs: float, *, levels: int | None = None) -> Kurtogram:
+def kurtogram(signal: ArrayLike | Series, fs: float) -> Kurtogram:
     """Return the spectral kurtosis of bands of several widths [1]_.
+
+    The bands are fs/8, fs/12, fs/16, fs/24, ... wide: as many widths as have 64 values in each
+    band, at most 9.
 
     Parameters
     ----------
@@ -63,9 +66,6 @@ def kurtogram(signal: ArrayLike | Series, fs: float, *, levels: int | None = Non
         Signal at uniform times, in any unit; it is read in blocks.
     fs : float
         Its sampling rate [Hz].
-    levels : int, optional
-        The bands are fs/8, fs/12, fs/16, fs/24, ... wide; this is the number of widths. Default:
-        as many as have 64 values in each band, at most 9.
 
     Returns
     -------
@@ -74,7 +74,7 @@ def kurtogram(signal: ArrayLike | Series, fs: float, *, levels: int | None = Non
     Raises
     ------
     TypeError, ValueError
-        If the signal is not finite, too short for the levels, or has no power.
+        If the signal is not finite, too short, or has no power.
 
     See Also
     --------
@@ -109,14 +109,11 @@ def kurtogram(signal: ArrayLike | Series, fs: float, *, levels: int | None = Non
     n_taps = 8  # of the filter of a band, times the number of bands
     most, fewest = 9, 64  # levels; values of a band: of fewer, kurtosis is chance
     halves = [2 ** (k // 2) * (8, 12)[k % 2] for k in range(most)]
-    if levels is None:
-        halves = [n for n in halves if len(values) >= (fewest + 2 * n_taps) * n / 2]
-    else:
-        halves = halves[: check_count(levels, "levels", at_most=most)]
-    if not halves or len(values) < n_taps * halves[-1] * 2:
+    halves = [n for n in halves if len(values) >= (fewest + 2 * n_taps) * n / 2]
+    if not halves:
         raise ValueError(
             f"the signal has {len(values)} samples; a kurtogram needs at least "
-            f"{(fewest + 2 * n_taps) * 4}, or fewer levels. Give a longer recording or a band."
+            f"{(fewest + 2 * n_taps) * 4}. Give a longer recording or a band."
         )
     # Bands of width fs / n, at multiples of half of it from one.
     taps = {n: scipy.signal.firwin(n_taps * n, 0.5, fs=n) for n in halves}

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -15,6 +15,8 @@ from emacm._checks import check_choice, check_count, check_number, located
 from emacm.machine.motors import InductionMotor, Motor
 from emacm.machine.parts import Line, Part
 from emacm.orders.bins import Band, round_edge
+
+Orders: TypeAlias = pd.DataFrame | pd.Series | Mapping[str, float]
 
 _MOTORS = (Motor, InductionMotor)
 _COLUMNS = ("name", "order", "part", "kind", "harmonic", "sideband", "slips")
@@ -107,11 +109,7 @@ def fault_orders(
 
 
 def order_bands(
-    orders: pd.DataFrame | pd.Series | Mapping[str, float],
-    *,
-    slip: float = 0.02,
-    min_width: float = 0.0,
-    on_overlap: str = "raise",
+    orders: Orders, *, slip: float = 0.02, min_width: float = 0.0, on_overlap: str = "raise"
 ) -> dict[str, Band]:
     """Return named bands around orders, for ``BinTransformer(edges=...)``.
 
@@ -172,7 +170,7 @@ def order_bands(
 
 
 def slip_ranges(
-    orders: pd.DataFrame | pd.Series | Mapping[str, float], *, slip: float, min_width: float = 0.0
+    orders: Orders, *, slip: float, min_width: float = 0.0
 ) -> tuple[list[str], np.ndarray, np.ndarray]:
     """Return names of orders, and the range of each with slip.
 
@@ -211,9 +209,7 @@ def slip_ranges(
     return names, np.maximum(centres - half, 0.0), centres + half
 
 
-def named_orders(
-    orders: pd.DataFrame | pd.Series | Mapping[str, float],
-) -> tuple[list[str], np.ndarray]:
+def named_orders(orders: Orders) -> tuple[list[str], np.ndarray]:
     """Return the names, and the orders as an array of shape (n_orders,).
 
     Raises

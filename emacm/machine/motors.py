@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
-from math import lcm, pi
+from math import lcm
 
 from emacm._checks import check_count, check_number
 from emacm.machine.parts import Line, Part, check_mounting
@@ -91,8 +91,8 @@ class InductionMotor(Part):
     pole_pairs : int
         Half the number of poles.
     slip : float
-        Slip s: speed of the rotor below the synchronous speed, as a fraction of it. The slip
-        changes with the load; `from_speed` computes it.
+        Slip s: speed of the rotor below the synchronous speed, as a fraction of it: ``1 -
+        pole_pairs * speed / mains`` with both in Hz. The slip changes with the load.
     bars : int, optional
         Number of rotor bars; required for the order at which they pass.
     name : str
@@ -130,11 +130,8 @@ class InductionMotor(Part):
     --------
     At 50 Hz and 1440 rpm the slip is 4 %, and broken bars give lines at 46 and 54 Hz:
 
-    >>> from math import pi
     >>> from emacm import fault_orders
-    >>> motor = InductionMotor.from_speed(2, speed=1440 * pi / 30, mains=50)
-    >>> round(motor.slip, 6)
-    0.04
+    >>> motor = InductionMotor(2, slip=1 - 2 * (1440 / 60) / 50)
     >>> orders = fault_orders(motor, signal="current")["order"] * 1440 / 60
     >>> orders[["supply-pole pass", "supply+pole pass"]].round(6).tolist()
     [46.0, 54.0]
@@ -153,46 +150,6 @@ class InductionMotor(Part):
         if self.bars is not None:
             check_count(self.bars, "bars", at_least=2)
         check_mounting(self)
-
-    @classmethod
-    def from_speed(
-        cls,
-        pole_pairs: int,
-        *,
-        speed: float,
-        mains: float,
-        bars: int | None = None,
-        name: str = "",
-    ) -> InductionMotor:
-        """Return the motor with the slip that follows from a measured speed.
-
-        Parameters
-        ----------
-        pole_pairs : int
-            Half the number of poles.
-        speed : float
-            Speed of the shaft [rad/s].
-        mains : float
-            Frequency of the supply [Hz].
-        bars, name
-            As for the class.
-
-        Returns
-        -------
-        InductionMotor
-            With slip = 1 - pole_pairs speed / (2 pi mains).
-
-        Raises
-        ------
-        TypeError, ValueError
-            If the speed is not below the synchronous one, or less than half of it.
-        """
-        check_count(pole_pairs, "pole_pairs")
-        synchronous = 2 * pi * check_number(mains, "mains", above=0, unit="Hz") / pole_pairs
-        turning = check_number(
-            speed, "speed", at_least=synchronous / 2, below=synchronous, unit="rad/s"
-        )
-        return cls(pole_pairs, 1 - turning / synchronous, bars, name=name)
 
     @property
     def supply_order(self) -> float:

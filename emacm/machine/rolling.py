@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 from math import asin, atan, cos, pi, radians
 
@@ -79,28 +80,13 @@ class Bearing(Part):
         check_count(self.n_balls, "n_balls", at_least=2)
         _check_rolling(self)
         check_choice(self.rotating, "rotating", ("inner", "outer"))
-        half_angle = asin(self.ball_diameter / self.pitch_diameter)
-        if self.n_balls * half_angle > pi * (1 + 1e-9):  # more than the whole circle
-            raise ValueError(
-                f"{self.n_balls} balls of diameter {self.ball_diameter:g} do not fit on a pitch "
-                f"circle of diameter {self.pitch_diameter:g}. Give the number in one row, and both "
-                f"diameters in the same unit."
-            )
+        _check_fit(self, self.n_balls)
 
     def lines(self) -> tuple[Line, ...]:
         """Return the lines of both rings, the balls and the cage."""
-        gamma = self.ball_diameter / self.pitch_diameter * cos(self.contact_angle)
-        inner = self.rotating == "inner"
-        cage = self.ratio * (1 - gamma if inner else 1 + gamma) / 2
-        spin = self.ratio * self.pitch_diameter / (2 * self.ball_diameter) * (1 - gamma**2)
-        half = self.ratio * self.n_balls / 2
-        turns = (("shaft", self.ratio),)
-        return (
-            Line("BPFO", "outer ring", half * (1 - gamma), () if inner else turns, slips=True),
-            Line("BPFI", "inner ring", half * (1 + gamma), turns if inner else (), slips=True),
-            Line("BSF", "ball", spin, (("FTF", cage),), slips=True, strikes=2),
-            Line("FTF", "cage", cage, slips=True),
-        )
+        kinds = {"BPFO": "outer ring", "BPFI": "inner ring", "BSF": "ball", "FTF": "cage"}
+        turns = ("shaft", self.ratio)
+        return _rolling_lines(kinds, self, self.n_balls, turns, self.rotating == "inner")
 
 
 @dataclass(frozen=True)
@@ -119,8 +105,6 @@ class BallScrew(Part):
         Revolutions of the screw (or nut) per revolution of the motor shaft.
     rotating : {"screw", "nut"}
         The rotating part; the other one may travel.
-    circuit_balls : int, optional
-        Number of balls in one circuit, including the return.
     name : str
         Prefix of the names of its lines.
 
@@ -140,8 +124,8 @@ class BallScrew(Part):
     γ = BD/PD cos φ cos² λ, for rolling without slip at two opposite contacts, n/2 (1 - γ) balls
     per revolution pass a point of the nut (order of a nut spall, and of the balls entering the
     return), n/2 (1 + γ) a point of the thread, and a ball spins PD/(2 BD cos λ) (1 - γ²) times.
-    Without lead these are the formulas of `Bearing`. Derived here; kinematics: [1]_. A ball returns
-    ("circuit") once while `circuit_balls` pass. Crowding of balls in the return is neglected.
+    Without lead these are the formulas of `Bearing`. Derived here; kinematics: [1]_. Crowding of
+    balls in the return is neglected.
 
     References
     ----------
@@ -150,14 +134,13 @@ class BallScrew(Part):
 
     Examples
     --------
-    >>> for line in BallScrew(17, 3.175, 20.0, 5.0, circuit_balls=60).lines():
+    >>> for line in BallScrew(17, 3.175, 20.0, 5.0).lines():
     ...     print(f"{line.name} {line.order:.3f}")
     screw 1.000
     nut race 7.552
     thread 9.448
     spin 3.120
     orbit 0.444
-    circuit 0.126
     """
 
     balls_per_turn: float
@@ -168,7 +151,6 @@ class BallScrew(Part):
     _: KW_ONLY
     ratio: float = 1.0
     rotating: str = "screw"
-    circuit_balls: int | None = None
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -177,39 +159,42 @@ class BallScrew(Part):
         _check_rolling(self)
         check_number(self.lead, "lead", above=0, at_most=100 * self.pitch_diameter)
         check_choice(self.rotating, "rotating", ("screw", "nut"))
-        turn = pi * self.pitch_diameter / cos(self._lead_angle)
-        if self.balls_per_turn * self.ball_diameter > turn * (1 + 1e-9):
-            raise ValueError(
-                f"{self.balls_per_turn:g} balls of diameter {self.ball_diameter:g} do not fit in a "
-                f"turn of length {turn:g}. All lengths must be in the same unit."
-            )
-        if self.circuit_balls is not None:
-            check_count(self.circuit_balls, "circuit_balls")
+        _check_fit(self, self.balls_per_turn, self._lead_angle)
 
     @property
     def _lead_angle(self) -> float:
         return atan(self.lead / (pi * self.pitch_diameter))
 
     def lines(self) -> tuple[Line, ...]:
-        """Return the lines of screw, nut and balls, and with `circuit_balls` of the circuit."""
-        size, slope = self.ball_diameter / self.pitch_diameter, cos(self._lead_angle)
-        gamma = size * cos(self.contact_angle) * slope**2
-        screw = self.rotating == "screw"
-        orbit = self.ratio * (1 - gamma if screw else 1 + gamma) / 2
-        half = self.ratio * self.balls_per_turn / 2
-        spin = self.ratio * (1 - gamma**2) / (2 * size * slope)
-        turns = ((self.rotating, self.ratio),)
-        lines = [
-            Line(self.rotating, "shaft of the screw", self.ratio),
-            Line("nut race", "nut", half * (1 - gamma), () if screw else turns, slips=True),
-            Line("thread", "screw", half * (1 + gamma), turns if screw else (), slips=True),
-            Line("spin", "ball", spin, (("orbit", orbit),), slips=True, strikes=2),
-            Line("orbit", "balls", orbit, slips=True),
-        ]
-        if self.circuit_balls is not None:
-            circuit = half * (1 - gamma) / self.circuit_balls
-            lines.append(Line("circuit", "recirculation", circuit, slips=True))
-        return tuple(lines)
+        """Return the lines of screw, nut and balls."""
+        kinds = {"nut race": "nut", "thread": "screw", "spin": "ball", "orbit": "balls"}
+        turns, screw = (self.rotating, self.ratio), self.rotating == "screw"
+        lines = _rolling_lines(kinds, self, self.balls_per_turn, turns, screw, self._lead_angle)
+        return (Line(self.rotating, "shaft of the screw", self.ratio), *lines)
+
+
+def _rolling_lines(
+    kinds: Mapping[str, str],
+    part: Bearing | BallScrew,
+    n_balls: float,
+    turns: tuple[str, float],
+    inner_rotates: bool,
+    lead_angle: float = 0.0,
+) -> tuple[Line, ...]:
+    """Return the lines of outer and inner raceway, balls and cage; `kinds` states their names."""
+    (outer, inner, ball, cage), slope = kinds, cos(lead_angle)
+    size = part.ball_diameter / part.pitch_diameter
+    gamma = size * cos(part.contact_angle) * slope**2
+    orbit = part.ratio * (1 - gamma if inner_rotates else 1 + gamma) / 2
+    spin = part.ratio * (1 - gamma**2) / (2 * size * slope)
+    half = part.ratio * n_balls / 2
+    of_inner, of_outer = ((turns,), ()) if inner_rotates else ((), (turns,))
+    return (
+        Line(outer, kinds[outer], half * (1 - gamma), of_outer, slips=True),
+        Line(inner, kinds[inner], half * (1 + gamma), of_inner, slips=True),
+        Line(ball, kinds[ball], spin, ((cage, orbit),), slips=True, strikes=2),
+        Line(cage, kinds[cage], orbit, slips=True),
+    )
 
 
 def _check_rolling(part: Bearing | BallScrew) -> None:
@@ -223,6 +208,17 @@ def _check_rolling(part: Bearing | BallScrew) -> None:
             f"Convert degrees by math.radians({angle:g})."
         )
     check_mounting(part)
+
+
+def _check_fit(part: Bearing | BallScrew, n_balls: float, lead_angle: float = 0.0) -> None:
+    """Check that the balls fit in one row, or one turn."""
+    half_angle = asin(part.ball_diameter * cos(lead_angle) / part.pitch_diameter)
+    if n_balls * half_angle > pi * (1 + 1e-9):  # more than the whole circle
+        raise ValueError(
+            f"{n_balls:g} balls of diameter {part.ball_diameter:g} do not fit on a pitch circle of "
+            f"diameter {part.pitch_diameter:g}. Give the number in one row or turn, and all "
+            f"lengths in the same unit."
+        )
 
 
 # Number of rolling elements, their diameter, pitch diameter (one unit of length), contact angle

@@ -15,8 +15,6 @@ from emacm.recordings.recording import Recording
 from emacm.simulation import motor, sensors
 from emacm.simulation.faults import (
     FAULTS,
-    Imperfections,
-    Passage,
     ball_passage,
     check_faults,
     draw_imperfections,
@@ -28,13 +26,13 @@ from emacm.simulation.laboratory import (
     RATED_CURRENT,
     TRANSDUCERS,
     Actuator,
+    Array,
     draw_run,
     draw_unit,
     drift,
     warmth,
 )
 from emacm.simulation.mechanics import bench_motion, rod_position
-from emacm.simulation.waves import Array
 
 
 class BenchTruth(NamedTuple):
@@ -48,32 +46,23 @@ class BenchTruth(NamedTuple):
         Times [s]; the recording starts at 0.
     torques : Torques
         Torques and motion of the shaft.
-    force : ndarray of shape (n_times,)
-        Load against positive motion [lbf].
     position : ndarray of shape (n_times,)
         Position of the rod [in].
     currents : ndarray of shape (3, n_times)
         Phase currents, including the ripple of the inverter [A].
     acceleration : ndarray of shape (n_times,)
         Acceleration of the housing [g].
-    passages : dict of str to Passage
-        Passages of rolling elements over each defect.
     position_command : ndarray of shape (n_times,)
         Commanded position [in].
-    load_command : ndarray of shape (n_times,)
-        Commanded load at the position of the rod: bias and spring of Table 4.3 [lbf].
     """
 
     actuator: Actuator
     times: Array
     torques: motor.Torques
-    force: Array
     position: Array
     currents: Array
     acceleration: Array
-    passages: dict[str, Passage]
     position_command: Array
-    load_command: Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,19 +85,14 @@ class LaboratoryBench:
     ----------
     unit : int
         Number of the unit. The same number is the same unit, before and after a fault.
-    faults : None, str or mapping of str to float
-        Severities in [0, 1] of the faults in `FAULTS`; a name alone is severity 1.
-    actuator : Actuator
-        Nominal constants; the `screw_lead` is not in the thesis.
+    faults : mapping of str to float
+        Severities in [0, 1] of the faults in `FAULTS`.
     electrical_noise : float
         Electrical noise of the motor in the cables of LVDT and velocity, relative to the default.
     unit_spread, run_spread : float
         Unit-to-unit and run-to-run variation, relative to the default; 0: none.
     phases : str
         Recorded phase currents: "a" as in the thesis, or "abc".
-    commands : bool
-        Whether to record the commands and the load too (Fig. 4.5 of the thesis). They describe
-        the test and not the health of the unit: do not give them to a classifier.
     duration : float
         Length of a recording [s]; not in the thesis, assumed.
     fs : float
@@ -135,12 +119,10 @@ class LaboratoryBench:
 
     unit: int = 0
     faults: Mapping[str, float] = field(default_factory=dict, hash=False)
-    actuator: Actuator = field(default_factory=Actuator)
     electrical_noise: float = 1.0
     unit_spread: float = 1.0
     run_spread: float = 1.0
     phases: str = "a"
-    commands: bool = False
     duration: float = 10.0
     fs: float = 48_000.0
     cutoff: float = 15_000.0
@@ -149,16 +131,13 @@ class LaboratoryBench:
     def __post_init__(self) -> None:
         object.__setattr__(self, "faults", check_faults(self.faults))
         for name in ("unit", "seed"):
-            count = check_count(getattr(self, name), name, at_least=0)
-            object.__setattr__(self, name, count)
+            check_count(getattr(self, name), name, at_least=0)
         for name in ("electrical_noise", "unit_spread", "run_spread"):
             check_number(getattr(self, name), name, at_least=0)
         check_choice(self.phases, "phases", ("a", "b", "c", "ab", "ac", "bc", "abc"))
         check_number(self.duration, "duration", at_least=0.01, unit="s")
         check_number(self.cutoff, "cutoff", above=0, unit="Hz")
         check_number(self.fs, "fs", above=max(2 * self.cutoff, 2 / self.duration), unit="Hz")
-        if not isinstance(self.actuator, Actuator):
-            raise TypeError(f"actuator must be an Actuator, got {self.actuator!r}.")
 
     @property
     def label(self) -> str:
@@ -171,21 +150,9 @@ class LaboratoryBench:
         return max(self._present.values(), default=0.0)
 
     @property
-    def orders(self) -> dict[str, tuple[float, ...]]:
-        """True orders of each fault that the unit has."""
-        return {name: FAULTS[name].orders for name in self._present}
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Channels of a recording."""
-        currents = [f"current_{phase}" for phase in self.phases]
-        commands = ("position_command", "load_command", "load_cell") if self.commands else ()
-        return ("lvdt", "velocity", *currents, "accelerometer", *commands)
-
-    @property
     def built(self) -> Actuator:
-        """Constants of this unit: `actuator` with its unit-to-unit variation."""
-        return draw_unit(self.actuator, self._rng("unit"), self.unit_spread)
+        """Constants of this unit: those of the design with unit-to-unit variation."""
+        return draw_unit(self._rng("unit"), self.unit_spread)
 
     def record(self, condition: int, run: int = 1) -> Recording:
         """Simulate one recording.
@@ -203,12 +170,10 @@ class LaboratoryBench:
         -------
         Recording
             Channels "lvdt" [in], "velocity" [rad/s], "current_a" [A] (or those of `phases`)
-            and "accelerometer" [g], in float32, which is sufficient for 16 bits; with `commands`
-            also "position_command" [in], "load_command" [lbf] and the reading of the load cell,
-            "load_cell" [lbf]. The shaft reference is the angle of the resolver at a tenth of the
-            rate: the actuator itself measures it, and it has neither drift nor the electrical
-            noise of the velocity channel. `meta` contains unit, condition, run, label, severity,
-            faults and orders.
+            and "accelerometer" [g], in float32, which is sufficient for 16 bits. The shaft
+            reference is the angle of the resolver at a tenth of the rate: the actuator itself
+            measures it, and it has neither drift nor the electrical noise of the velocity channel.
+            `meta` contains unit, condition, run, label, severity, faults and orders.
 
         Raises
         ------
@@ -219,7 +184,7 @@ class LaboratoryBench:
         rng = partial(self._rng, condition=condition, run=run)
         unit, angle = truth.actuator, truth.torques.angle
         current = truth.torques.motor / (unit.torque_constant * RATED_CURRENT)
-        error, slope = sensors.resolver_error(angle, unit, self._imperfections)
+        error, slope = sensors.resolver_error(angle, unit, *self._imperfections[:2])
         lvdt_gain = drift("lvdt_gain", truth.times, self.run_spread) * unit.lvdt_gain
         gain = drift("accelerometer_gain", truth.times, self.run_spread) * unit.accelerometer_gain
         quantities = {
@@ -227,7 +192,6 @@ class LaboratoryBench:
             "velocity": (slope + 1) * truth.torques.velocity,  # computed from the resolver
             **{f"current_{x}": truth.currents["abc".index(x)] for x in self.phases},
             "accelerometer": gain * truth.acceleration,
-            **({"load_cell": truth.force} if self.commands else {}),
         }
         kept = slice(int(np.count_nonzero(truth.times < 0)), None)
         level = self.electrical_noise * unit.electrical_noise
@@ -243,10 +207,8 @@ class LaboratoryBench:
                 sensor, values, rng(name), fs=self.fs, cutoff=self.cutoff, cable=cable
             )
             signals[name] = settled[kept]
-        for name in ("position_command", "load_command") if self.commands else ():
-            signals[name] = getattr(truth, name)[kept].astype(np.float32)  # digital: no noise
         return Recording(
-            {name: signals[name] for name in self.channels},
+            signals,
             self.fs,
             angle=sensors.resolver_angle((angle + error)[kept], rng("resolver")),
             shaft_fs=self.fs / ASSUMED.shaft_decimation,
@@ -279,18 +241,17 @@ class LaboratoryBench:
         share = 1 + 0.01 * self.run_spread * of_run.standard_normal()
         times = np.arange(-round(ASSUMED.before * fs), round(self.duration * fs)) / fs
         motion = bench_motion(row, actuator, times, phase, share, faults["jam"])
-        load_command = row.load(motion.angle / actuator.angle_per_inch)
         force = motor.low_passed_noise(
             len(times), ASSUMED.load_bandwidth, fs, rng("load"), ASSUMED.load_error
         )
-        force += share * load_command
+        force += share * row.load(motion.angle / actuator.angle_per_inch)
         passages = {
             name: ball_passage(faults[name], motion.angle, rng(name), actuator.mark)
             for name in meta["faults"]
             if faults[name].rolls
         }
         unit = motor.Unit(actuator, faults, passages)
-        shares = self._imperfections.line_shares
+        shares = self._imperfections[2]
         line_force, line_torque = healthy_lines(motion.angle, shares, rng("lines"), fs)
         torques = motor.shaft_torques(
             unit, motion, force, line_torque, rng("friction"), self.run_spread
@@ -306,13 +267,10 @@ class LaboratoryBench:
             actuator,
             times,
             torques,
-            force,
             position,
             currents,
             motor.housing_acceleration(shaking, actuator, fs),
-            passages,
             row.position(times, phase),
-            load_command,
         )
 
     def meta(self, condition: int, run: int) -> dict[str, Any]:
@@ -332,15 +290,15 @@ class LaboratoryBench:
         TypeError, ValueError
             If the condition or run does not exist.
         """
-        number = check_count(condition, "condition")
+        check_choice(check_count(condition, "condition"), "condition", tuple(CONDITIONS))
         return {
             "unit": self.unit,
-            "condition": check_choice(number, "condition", tuple(CONDITIONS)),
+            "condition": int(condition),
             "run": check_count(run, "run"),
             "label": self.label,
             "severity": self.severity,
             "faults": self._present,
-            "orders": self.orders,
+            "orders": {name: FAULTS[name].orders for name in self._present},
         }
 
     @property
@@ -348,7 +306,7 @@ class LaboratoryBench:
         return {name: severity for name, severity in self.faults.items() if severity}
 
     @property
-    def _imperfections(self) -> Imperfections:
+    def _imperfections(self) -> tuple[Array, Array, Array]:
         return draw_imperfections(self._rng("imperfections"), self.unit_spread)
 
     def _in_run(self, condition: int, run: int, rng: np.random.Generator) -> Actuator:

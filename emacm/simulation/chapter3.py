@@ -22,18 +22,15 @@ def chapter3_recording(
     sigma: float = 0.25,
     seed: int = 0,
     duration: float = 2.048,
-    fs: float = 2000.0,
-    mean_speed: float = 20 * np.pi,
     speed_frequency: float = 5.0,
     supply_amplitude: float = 0.1,
-    defect_amplitude: float = 0.1,
     defect_orders: Mapping[str, float | None] = CHAPTER3_ORDERS,
 ) -> Recording:
     """Simulate one run of the simulated motor current of the thesis [1]_.
 
-    The motor turns in one direction, between standstill and twice its mean speed. All defaults
-    are the published values. The figures show one second; the spectra need 4096 samples at
-    2 kHz, that is, 2.048 s.
+    The motor turns in one direction, between standstill and 20 rev/s, and is sampled at 2 kHz; a
+    defect has 0.1 A. All defaults are the published values. The figures show one second; the
+    spectra need 4096 samples, that is, 2.048 s.
 
     Parameters
     ----------
@@ -48,16 +45,10 @@ def chapter3_recording(
         Seed of the noise. The same seed, label and run give the same recording.
     duration : float
         Length of the recording [s].
-    fs : float
-        Sampling rate [Hz].
-    mean_speed : float
-        Mean of the speed, and amplitude of its sine [rad/s].
     speed_frequency : float
         Frequency of the speed variation [Hz].
     supply_amplitude : float
         Amplitude of the component of 100 Hz [A].
-    defect_amplitude : float
-        Amplitude of a defect [A].
     defect_orders : mapping of str to float or None
         Labels and the orders of their defects; None for no defect.
 
@@ -65,8 +56,7 @@ def chapter3_recording(
     -------
     Recording
         Channel "current" [A], and the speed of the shaft; `meta` contains label, run, severity
-        (`defect_amplitude` relative to the published 0.1 A; 0 without defect) and orders, the true
-        order of each fault.
+        (1; 0 without defect) and orders, the true order of each fault.
 
     Raises
     ------
@@ -85,7 +75,7 @@ def chapter3_recording(
     check_choice(label, "label", tuple(defect_orders))
     check_count(run, "run", at_least=0)
     sigma = check_number(sigma, "sigma", at_least=0, unit="A")
-    fs = check_number(fs, "fs", above=0, unit="Hz")
+    fs, mean_speed = 2000.0, 20 * np.pi  # Hz, rad/s
     times = np.arange(round(check_number(duration, "duration", above=0, unit="s") * fs)) / fs
     omega = 2 * np.pi * check_number(speed_frequency, "speed_frequency", above=0, unit="Hz")
     # Rounding must not make the speed negative where it reaches zero: that would be a stroke.
@@ -95,7 +85,7 @@ def chapter3_recording(
     current += supply_amplitude * np.sin(2 * np.pi * 100 * times)
     order = defect_orders[label]
     if order is not None:
-        current += defect_amplitude * np.sin(order * angle)  # Eq. (3.5)
+        current += 0.1 * np.sin(order * angle)  # Eq. (3.5)
     # The label, not its position: another label must not change the noise of this one.
     key = (zlib.crc32(label.encode()), run)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
@@ -103,7 +93,7 @@ def chapter3_recording(
     meta = {
         "label": label,
         "run": run,
-        "severity": 0.0 if order is None else defect_amplitude / 0.1,
+        "severity": 0.0 if order is None else 1.0,
         "orders": {} if order is None else {label: (order,)},
     }
     return Recording({"current": current}, fs, velocity=velocity, meta=meta)

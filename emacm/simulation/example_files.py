@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -12,46 +11,11 @@ import pandas as pd
 import scipy  # scipy.io is imported when it is used
 
 from emacm.machine.fault_orders import fault_orders
-from emacm.machine.rolling import Bearing
+from emacm.machine.rolling import bearing_of
 from emacm.simulation.faults import Fault, ball_passage
-from emacm.simulation.waves import Array
+from emacm.simulation.laboratory import Array
 
-
-@dataclass(frozen=True)
-class PumpSettings:
-    """A pump on a 6205 bearing; all but its geometry is assumed.
-
-    Attributes
-    ----------
-    n_balls, ball_diameter, pitch_diameter : float
-        Geometry of the bearing [mm].
-    speeds : tuple of float
-        Range of the mean speed of a recording [rpm].
-    ripple : float
-        Amplitude of the ripple of the speed, of 0.4 Hz [rpm].
-    resonance, damping : float
-        Frequency [Hz] and damping ratio of the housing, which impacts excite.
-    impact : float
-        Mean amplitude of the ringing after an impact, relative to the noise of 1 g.
-    static : float
-        Mean amplitude of the slow part of an impact, which decays in 3 ms.
-    scatter : float
-        Standard deviation of the logarithm of both from recording to recording.
-    """
-
-    n_balls: int = 9
-    ball_diameter: float = 7.94
-    pitch_diameter: float = 39.04
-    speeds: tuple[float, float] = (1000.0, 1400.0)
-    ripple: float = 60.0
-    resonance: float = 1300.0
-    damping: float = 0.06
-    impact: float = 9.0
-    static: float = 2.5
-    scatter: float = 0.2
-
-
-PUMP = PumpSettings()
+BEARING = bearing_of("6205")
 
 
 def simulate_pump(
@@ -62,7 +26,7 @@ def simulate_pump(
     duration: float = 3.0,
     constant: float | None = None,
 ) -> pd.DataFrame:
-    """Return a recording of a pump as a table.
+    """Return a recording of a pump on a 6205 bearing as a table; all its sizes are assumed.
 
     Parameters
     ----------
@@ -88,7 +52,7 @@ def simulate_pump(
     (2000, 3)
     """
     times = np.arange(round(duration * fs)) / fs
-    speed = rng.uniform(*PUMP.speeds) + PUMP.ripple * np.sin(0.8 * np.pi * times)
+    speed = rng.uniform(1000, 1400) + 60 * np.sin(0.8 * np.pi * times)
     speed = speed if constant is None else np.full(len(times), constant)
     angle = np.cumsum(speed) * (np.pi / 30 / fs)
     vibration = rng.standard_normal(len(times)) + rng.uniform(1, 2) * np.sin(angle)
@@ -100,17 +64,18 @@ def simulate_pump(
 
 def _impacts(state: str, angle: Array, fs: float, rng: np.random.Generator) -> Array:
     """Return what the rolling elements excite that pass a defect."""
-    bearing = Bearing(PUMP.n_balls, PUMP.ball_diameter, PUMP.pitch_diameter)
     kind, turns = {"outer": ("BPFO", 0.0), "inner": ("BPFI", 1.0)}[state]
-    order = float(fault_orders(bearing)["order"][kind])
+    order = float(fault_orders(BEARING)["order"][kind])
     passage = ball_passage(Fault(orders=(order,), rolls=True, turns_with=turns), angle, rng)
     struck = np.zeros(len(angle))
-    size = np.exp(PUMP.scatter * rng.standard_normal())
+    size = np.exp(0.2 * rng.standard_normal())  # of this recording
     struck[passage.impacts] = size * passage.sizes * passage.weight[passage.impacts]
     after = np.arange(round(0.02 * fs)) / fs
-    ringing = np.exp(-2 * np.pi * PUMP.damping * PUMP.resonance * after)
-    answer = PUMP.impact * ringing * np.sin(2 * np.pi * PUMP.resonance * after)
-    answer += PUMP.static * np.exp(-after / 0.003)
+    # The housing, with a resonance at 1300 Hz and a damping ratio of 0.06, rings with 9 times the
+    # noise of 1 g; a slow part of 2.5 g decays in 3 ms.
+    omega = 2 * np.pi * 1300
+    answer = 9 * np.exp(-0.06 * omega * after) * np.sin(omega * after)
+    answer += 2.5 * np.exp(-after / 0.003)
     return np.convolve(struck, answer)[: len(angle)]
 
 
@@ -150,7 +115,7 @@ def write_example(folder: Path) -> list[Path]:
     names = ("X105_DE_time", "X105_FE_time")
     scipy.io.savemat(folder / "bearing.mat", dict(zip(names, signals, strict=True)))
     parts = ("n_balls", "ball_diameter", "pitch_diameter")
-    lines = [f"{name} = {getattr(PUMP, name)}\n" for name in parts]
+    lines = [f"{name} = {getattr(BEARING, name)}\n" for name in parts]
     (folder / "parts.toml").write_text("[[Bearing]]\n" + "".join(lines), encoding="utf-8")
     return sorted(folder.iterdir())
 

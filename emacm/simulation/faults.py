@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from emacm._checks import check_choice, check_number
 from emacm.machine.fault_orders import fault_orders
 from emacm.machine.rolling import Bearing
-from emacm.simulation.laboratory import ASSUMED
-from emacm.simulation.waves import Array
+from emacm.simulation.laboratory import ASSUMED, Array
 
 # Assumed: geometry of an angular contact bearing that gives the order 6.123 of chapter 4.
 BEARING = Bearing(10, 0.2478, 1.0, math.radians(25))
@@ -22,11 +21,11 @@ BEARING = Bearing(10, 0.2478, 1.0, math.radians(25))
 # like an outer ring; the lead, which changes the order by 0.05 %, is neglected.
 SCREW = Bearing(20, 0.1323, 1.0, math.radians(45))
 POLE_PAIRS = 6  # Table 4.1: 12 poles
-_LINES = fault_orders(BEARING)["order"]
-CAGE_ORDER = float(_LINES["FTF"])
+_LINES: Mapping[str, float] = fault_orders(BEARING)["order"].to_dict()
+CAGE_ORDER = _LINES["FTF"]
 # Orders of the rolling elements of a healthy unit, by part.
 HEALTHY_ORDERS: Mapping[str, float] = {
-    **{name: float(_LINES[name]) for name in ("FTF", "BPFO", "BPFI", "2xBSF")},
+    **{name: _LINES[name] for name in ("FTF", "BPFO", "BPFI", "2xBSF")},
     "screw": float(fault_orders(SCREW)["order"]["BPFO"]),
 }
 
@@ -92,11 +91,11 @@ _GEOMETRY = ("orders", "rolls", "turns_with", "place", "width")
 
 FAULTS: Mapping[str, Fault] = {
     "inner ring": Fault(
-        orders=(float(_LINES["BPFI"]),), rolls=True, turns_with=1.0, torque=0.3, impact=0.04
+        orders=(_LINES["BPFI"],), rolls=True, turns_with=1.0, torque=0.3, impact=0.04
     ),
-    "outer ring": Fault(orders=(float(_LINES["BPFO"]),), rolls=True, torque=0.3, impact=0.05),
+    "outer ring": Fault(orders=(_LINES["BPFO"],), rolls=True, torque=0.3, impact=0.05),
     "ball": Fault(
-        orders=(float(_LINES["2xBSF"]),), rolls=True, turns_with=CAGE_ORDER, torque=0.3, impact=0.03
+        orders=(_LINES["2xBSF"],), rolls=True, turns_with=CAGE_ORDER, torque=0.3, impact=0.03
     ),
     "cage": Fault(orders=(CAGE_ORDER,), torque=0.15, rolling_noise=0.8),
     # A spall in the groove of the nut.
@@ -109,9 +108,8 @@ FAULTS: Mapping[str, Fault] = {
     "lubrication": Fault(
         orders=(1.0,), torque=0.15, friction=1.5, friction_noise=0.35, rolling_noise=2.0
     ),
-    "jam": Fault(
-        friction=0.6, place=1.9, width=0.15
-    ),  # condition 3 reaches it only with a longer lead
+    # Condition 3 reaches its place only with a longer lead.
+    "jam": Fault(friction=0.6, place=1.9, width=0.15),
 }
 FAULT_ORDERS: Mapping[str, tuple[float, ...]] = {
     name: fault.orders for name, fault in FAULTS.items()
@@ -119,17 +117,15 @@ FAULT_ORDERS: Mapping[str, tuple[float, ...]] = {
 
 
 def check_faults(faults: Any) -> dict[str, float]:
-    """Return severities in [0, 1] by fault, in the order of `FAULTS`; a name alone is severity 1.
+    """Return severities in [0, 1] by fault, in the order of `FAULTS`.
 
     Examples
     --------
     >>> check_faults({"jam": 0.5, "ball": 1})
     {'ball': 1.0, 'jam': 0.5}
     """
-    if faults is None or isinstance(faults, str):
-        faults = {faults: 1.0} if faults else {}
     if not isinstance(faults, Mapping):
-        raise TypeError(f"faults must be None, a name or {{'inner ring': 0.5}}, got {faults!r}.")
+        raise TypeError(f"faults must be a mapping such as {{'inner ring': 0.5}}, got {faults!r}.")
     for name, severity in faults.items():
         check_choice(name, "a fault", tuple(FAULTS))
         check_number(severity, f"severity of {name!r}", at_least=0, at_most=1)
@@ -159,10 +155,7 @@ class Passage(NamedTuple):
     @property
     def pulses(self) -> Array:
         """One pulse per rolling element, with mean 0 and a width of a fifth of their distance."""
-        shape = np.cos(np.pi * self.phase)
-        for _ in range(4):  # to the power 16; a power function is several times slower
-            shape *= shape
-        return self.weight * (shape - 6435 / 32768)  # the mean of cos^16
+        return self.weight * (np.cos(np.pi * self.phase) ** 16 - 6435 / 32768)  # less its mean
 
 
 def ball_passage(
@@ -216,34 +209,33 @@ def ball_passage(
     return Passage(phase, weight, impacts, sizes)
 
 
-class Imperfections(NamedTuple):
-    """Sizes relative to the nominal actuator, and phases, of the imperfections of one unit.
+def draw_imperfections(rng: np.random.Generator, spread: float = 1.0) -> tuple[Array, Array, Array]:
+    """Draw the imperfections of one unit, relative to the nominal actuator.
 
-    Attributes
+    Parameters
     ----------
+    rng : Generator
+        Random numbers of the unit.
+    spread : float
+        Unit-to-unit variation relative to the default; with 0, all sizes are 1.
+
+    Returns
+    -------
     resolver_shares, resolver_phases : ndarray of shape (3,)
-        Error of the resolver at orders 1, 2 and 12, in the order of `ASSUMED.resolver_errors`.
+        Size and phase [rad] of the errors of the resolver, in the order of
+        `ASSUMED.resolver_errors`.
     line_shares : ndarray of shape (n_lines,)
-        Lines of the rolling elements, in the order of `ASSUMED.healthy_lines`.
-    """
-
-    resolver_shares: Array
-    resolver_phases: Array
-    line_shares: Array
-
-
-def draw_imperfections(rng: np.random.Generator, spread: float = 1.0) -> Imperfections:
-    """Draw the imperfections of one unit; with `spread` 0, all relative sizes are 1.
+        Sizes of the lines of the rolling elements, in the order of `ASSUMED.healthy_lines`.
 
     Examples
     --------
-    >>> draw_imperfections(np.random.default_rng(0), spread=0).resolver_shares
+    >>> draw_imperfections(np.random.default_rng(0), spread=0)[0]
     array([1., 1., 1.])
     """
     n_errors, n_lines = len(ASSUMED.resolver_errors), len(ASSUMED.healthy_lines)
     shares = np.exp(spread * ASSUMED.of_lines * rng.standard_normal(n_errors + n_lines))
     phases = min(spread, 1.0) * rng.uniform(0, 2 * np.pi, n_errors)
-    return Imperfections(shares[:n_errors], phases, shares[n_errors:])
+    return shares[:n_errors], phases, shares[n_errors:]
 
 
 def healthy_lines(
@@ -258,7 +250,7 @@ def healthy_lines(
     angle : ndarray of shape (n_times,)
         Shaft angle [rad].
     shares : ndarray of shape (n_lines,)
-        `Imperfections.line_shares`.
+        From `draw_imperfections`.
     rng : Generator
         Random numbers of the run: positions of the balls at the start, and slip.
     fs : float

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm._checks import check_choice, check_count, check_number
+from emacm._checks import check_count, check_number
 from emacm.recordings.recording import Recording
 from emacm.simulation.bench import LaboratoryBench
-from emacm.simulation.faults import FAULTS
-from emacm.simulation.laboratory import ASSUMED
-from emacm.simulation.waves import Array
+from emacm.simulation.laboratory import Array
 
 STATES = ("healthy", "screw", "inner ring")
 
@@ -24,7 +22,6 @@ def simulate_actuator(
     *,
     severity: float = 0.5,
     run: int = 1,
-    condition: int = 4,
     **constants: Any,
 ) -> Recording:
     """Simulate one short run of an actuator that moves back and forth: a preset of the bench.
@@ -37,16 +34,15 @@ def simulate_actuator(
         Severity of the fault in [0, 1]; ignored if healthy.
     run : int
         Number of the run, from 1.
-    condition : int
-        Row of Table 4.3 of the thesis. Condition 4: strokes of 28 revolutions, at most 61 rev/s.
     **constants
-        Parameters of `LaboratoryBench`. Here, `duration` is 6 s and `fs` 4 kHz by default, which
-        contain only the first two modes of the housing and orders up to 24.
+        Parameters of `LaboratoryBench`. Here, `duration` is 6 s by default, `fs` is 4 kHz and
+        `cutoff` 1.5 kHz, which contain only the first two modes of the housing and orders up to 24.
 
     Returns
     -------
     Recording
-        As returned by `LaboratoryBench.record`.
+        As returned by `LaboratoryBench.record` in condition 4: strokes of 28 revolutions, at most
+        61 rev/s.
 
     Raises
     ------
@@ -59,16 +55,9 @@ def simulate_actuator(
     >>> recording.channels, recording.meta["label"]
     (('lvdt', 'velocity', 'current_a', 'accelerometer'), 'screw')
     """
-    check_choice(state, "state", STATES)
     faults = {} if state == "healthy" else {state: severity}
-    options = {"duration": 6.0, "fs": 4000.0} | constants
-    bench = LaboratoryBench(faults=faults, cutoff=_cutoff(options["fs"]), **options)
-    return bench.record(condition, run)
-
-
-def _cutoff(fs: float) -> float:
-    """Return the cut-off of the conditioning filter at a low sampling rate [Hz]."""
-    return ASSUMED.short_run_cutoff * check_number(fs, "fs", above=0, unit="Hz")
+    options = {"duration": 6.0, "fs": 4000.0, "cutoff": 1500.0} | constants
+    return LaboratoryBench(faults=faults, **options).record(4, run)
 
 
 def simulate_fleet(
@@ -132,26 +121,17 @@ def simulate_fleet(
     return recordings, states, units
 
 
-def thesis_benches(
-    *,
-    severity: float = 0.5,
-    grease: float = 0.75,
-    electrical_noise: tuple[float, float] = (1.0, 0.2),
-    **constants: Any,
-) -> tuple[LaboratoryBench, LaboratoryBench]:
+def thesis_benches(**constants: Any) -> tuple[LaboratoryBench, LaboratoryBench]:
     """Return the two units of the thesis: a healthy one and one with a bad bearing.
+
+    The defect of the inner ring has a severity of 0.5 (not in the thesis, assumed), and the bearing
+    75 % of its grease. Section 4.5 reports electrical noise in LVDT and velocity of the healthy
+    unit, and less for the other (the ratio is assumed): a classifier can distinguish the units by
+    noise that is unrelated to the fault. For a study without this confounding, set equal
+    `electrical_noise` by `dataclasses.replace`.
 
     Parameters
     ----------
-    severity : float
-        Severity of the defect of the inner ring; not in the thesis, assumed.
-    grease : float
-        Fraction of the grease in that bearing; 0.75 in chapter 4.
-    electrical_noise : (float, float)
-        Electrical noise in the cables of the healthy and of the degraded unit. Section 4.5
-        reports it for LVDT and velocity of the healthy unit, and less for the other (the ratio is
-        assumed): a classifier can distinguish the units by noise that is unrelated to the fault.
-        Use equal values for a study without this confounding.
     **constants
         Parameters of both benches, as for `LaboratoryBench`.
 
@@ -170,11 +150,10 @@ def thesis_benches(
     >>> [bench.label for bench in thesis_benches()]
     ['healthy', 'inner ring + lubrication']
     """
-    noise_healthy, noise_degraded = electrical_noise
-    faults = {"inner ring": severity, "lubrication": 1 - grease}
+    faults = {"inner ring": 0.5, "lubrication": 0.25}
     return (
-        LaboratoryBench(unit=0, electrical_noise=noise_healthy, **constants),
-        LaboratoryBench(unit=1, faults=faults, electrical_noise=noise_degraded, **constants),
+        LaboratoryBench(unit=0, **constants),
+        LaboratoryBench(unit=1, faults=faults, electrical_noise=0.2, **constants),
     )
 
 
@@ -183,8 +162,6 @@ class UnitLife(NamedTuple):
 
     Attributes
     ----------
-    unit : int
-        Number of the unit.
     ages : ndarray of shape (n_readings,)
         Ages of the readings [h].
     severity : ndarray of shape (n_readings,)
@@ -197,7 +174,6 @@ class UnitLife(NamedTuple):
         Age until which the unit is observed [h]: its life, or less.
     """
 
-    unit: int
     ages: Array
     severity: Array
     onset: float
@@ -300,17 +276,7 @@ class WearLaw:
         ages = np.arange(0, end, interval)
         times = onset + step * np.arange(len(logarithm))
         severity = np.where(ages < onset, 0.0, np.exp(np.interp(ages, times, logarithm)))
-        return UnitLife(unit, ages, np.minimum(severity, 1.0), onset, life, end)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _WornBench(LaboratoryBench):
-    """A bench whose recordings also state the life of the unit."""
-
-    life: dict[str, Any] = field(default_factory=dict, hash=False)
-
-    def meta(self, condition: int, run: int) -> dict[str, Any]:
-        return super().meta(condition, run) | self.life
+        return UnitLife(ages, np.minimum(severity, 1.0), onset, life, end)
 
 
 def run_to_failure_fleet(
@@ -318,15 +284,11 @@ def run_to_failure_fleet(
     *,
     law: WearLaw | None = None,
     interval: float = 10.0,
-    fault: str = "inner ring",
-    condition: int = 4,
-    censored: float = 0.0,
     duration: float = 1.0,
-    fs: float = 4000.0,
     seed: int = 0,
     first_unit: int = 0,
 ) -> list[Recording]:
-    """Simulate units on the laboratory bench from new to failed.
+    """Simulate units with a growing defect of the inner ring, from new to failed.
 
     Parameters
     ----------
@@ -336,24 +298,16 @@ def run_to_failure_fleet(
         Law of the damage. Default: ``WearLaw()``: onset after 177 h on average, then 100 h.
     interval : float
         Time between two recordings [h].
-    fault : str
-        Kind of damage, one of `FAULTS`.
-    condition : int
-        Row of Table 4.3 of the thesis.
-    censored : float
-        Fraction of units whose observation ends before they fail, at an age that is uniform
-        between 0.3 and 1 of their life.
-    duration, fs : float
-        Length [s] and sampling rate [Hz] of a recording.
+    duration : float
+        Length of a recording [s].
     seed, first_unit : int
         Seed of all random numbers, and number of the first unit: other numbers are other units.
 
     Returns
     -------
     list of Recording
-        By unit and age, as returned by `LaboratoryBench.record`. `meta` also contains "age",
-        "onset" and "life" [h] (the truth), "observed_life" (until the failure or the end of the
-        observation), "remaining_life" (observed_life - age) and "censored".
+        By unit and age, as returned by `LaboratoryBench.record` in condition 4 at 4 kHz. `meta`
+        also contains "age", "onset", "life" and "remaining_life" (life - age) [h], the truth.
 
     Raises
     ------
@@ -369,29 +323,27 @@ def run_to_failure_fleet(
     (0.0, 'healthy')
     """
     check_count(n_units, "n_units")
-    check_count(first_unit, "first_unit", at_least=0)
-    check_choice(fault, "fault", tuple(FAULTS))
-    censored = check_number(censored, "censored", at_least=0, at_most=1)
-    options: dict[str, Any] = {"duration": duration, "fs": fs, "cutoff": _cutoff(fs), "seed": seed}
     law = WearLaw() if law is None else law
-    if not isinstance(law, WearLaw):
-        raise TypeError(f"law must be a WearLaw, got {law!r}.")
     recordings = []
     for unit in range(first_unit, first_unit + n_units):
         found = law.draw(unit, interval, seed=seed)
-        rng = np.random.default_rng([seed, unit, 104_729])
-        if rng.uniform() < censored:
-            end = rng.uniform(0.3, 1.0) * found.life
-            found = law.draw(unit, interval, observed=end, seed=seed)
-        for run, (age, severity) in enumerate(zip(found.ages, found.severity, strict=True), 1):
-            life = {
-                "age": float(age),
+        options: dict[str, Any] = {"unit": unit, "duration": duration, "seed": seed}
+        readings = zip(found.ages.tolist(), found.severity.tolist(), strict=True)
+        for run, (age, severity) in enumerate(readings, 1):
+            measured = simulate_actuator("inner ring", severity=severity, run=run, **options)
+            truth = {
+                "age": age,
                 "onset": found.onset,
                 "life": found.life,
-                "observed_life": found.observed,
-                "remaining_life": found.observed - float(age),
-                "censored": found.censored,
+                "remaining_life": found.life - age,
             }
-            bench = _WornBench(unit=unit, faults={fault: float(severity)}, life=life, **options)
-            recordings.append(bench.record(condition, run))
+            recordings.append(
+                Recording(
+                    measured.signals,
+                    measured.fs,
+                    angle=measured.angle,
+                    shaft_fs=measured.shaft_fs,
+                    meta={**measured.meta, **truth},
+                )
+            )
     return recordings

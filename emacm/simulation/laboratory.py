@@ -8,9 +8,10 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.constants import inch, lbf
 
-from emacm.simulation.waves import Array
+Array = NDArray[np.floating]
 
 RPM = 2 * np.pi / 60  # rad/s
 
@@ -106,7 +107,6 @@ TRANSDUCERS: Mapping[str, Transducer] = {
     "velocity": Transducer(500 * RPM, 4700 * RPM, 2e-3, 1e-3, 3e-3, 800.0, (6e-3, 4e-3)),
     "current": Transducer(5.0, 50.0, 5e-3, 1e-3),  # A
     "accelerometer": Transducer(1.0, 10.0, 3e-3, 5e-4, 1e-3),  # g
-    "load": Transducer(1000.0, 5500.0, 1e-3, 1e-3, 1e-3),  # lbf
 }
 
 
@@ -162,7 +162,6 @@ class Assumed(NamedTuple):
     range: float = 10.0  # V, of the converter
     bits: int = 16  # of the converter
     filter_order: int = 4  # Butterworth conditioning filter
-    short_run_cutoff: float = 0.375  # of that filter at low rates, relative to the sampling rate
     shaft_decimation: int = 10  # samples of the channels per sample of the shaft angle
     resolver_noise: float = 5e-5  # RMS relative to the amplitude: 14 bits
     # Orders of the error of the resolver, and amplitudes relative to `Actuator.resolver_error`:
@@ -359,22 +358,18 @@ class Actuator:
         return 2 * np.pi / self.screw_lead
 
 
-def draw_unit(nominal: Actuator, rng: np.random.Generator, spread: float = 1.0) -> Actuator:
+def draw_unit(rng: np.random.Generator, spread: float = 1.0) -> Actuator:
     """Draw the constants of one unit; `spread` 0 gives the nominal actuator.
 
     Examples
     --------
-    >>> draw_unit(Actuator(), np.random.default_rng(0), spread=0) == Actuator()
+    >>> draw_unit(np.random.default_rng(0), spread=0) == Actuator()
     True
     """
-    unit = _scattered(nominal, rng, {name: by.units for name, by in VARIATIONS.items()}, spread)
-    offset, mismatch, turn = rng.normal(0, [0.002, 0.003, 2.0])
-    return replace(
-        unit,
-        lvdt_offset=nominal.lvdt_offset + spread * offset,
-        phase_mismatch=nominal.phase_mismatch + spread * mismatch,
-        mark=nominal.mark + spread * turn,
-    )
+    logarithms = rng.normal(0, [by.units for by in VARIATIONS.values()])
+    unit = _multiplied(Actuator(), dict(zip(VARIATIONS, logarithms, strict=True)), spread)
+    offset, mismatch, turn = (spread * rng.normal(0, [0.002, 0.003, 2.0])).tolist()
+    return replace(unit, lvdt_offset=offset, phase_mismatch=mismatch, mark=turn)
 
 
 def draw_run(
@@ -385,23 +380,21 @@ def draw_run(
     `spread` 0 gives the unit itself. With `warmth`, between 0 (cold) and 1 (warm), friction,
     torque constant and resonance fall; `mounting` is a standard normal deviate.
     """
+    logarithms = {name: warmth * by.warm for name, by in VARIATIONS.items()}
+    logarithms["accelerometer_gain"] += ASSUMED.mounting * mounting
     runs = {name: by.runs for name, by in VARIATIONS.items() if by.runs}
-    drawn = _scattered(unit, rng, runs, spread)
-    shifts = {name: warmth * by.warm for name, by in VARIATIONS.items()}
-    shifts["accelerometer_gain"] += ASSUMED.mounting * mounting
-    return _multiplied(drawn, {name: np.exp(spread * by) for name, by in shifts.items()})
+    for name, drawn in zip(runs, rng.normal(0, list(runs.values())), strict=True):
+        logarithms[name] += drawn
+    return _multiplied(unit, logarithms, spread)
 
 
-def _scattered(
-    actuator: Actuator, rng: np.random.Generator, deviations: Mapping[str, float], spread: float
-) -> Actuator:
-    factors = np.exp(spread * rng.normal(0, list(deviations.values())))
-    return _multiplied(actuator, dict(zip(deviations, factors, strict=True)))
-
-
-def _multiplied(actuator: Actuator, factors: Mapping[str, float]) -> Actuator:
-    changed = {name: getattr(actuator, name) * float(by) for name, by in factors.items()}
-    changed["damping"] = min(changed.get("damping", actuator.damping), 1.0)
+def _multiplied(actuator: Actuator, logarithms: Mapping[str, float], spread: float) -> Actuator:
+    """Return an actuator whose constants are multiplied by factors with these logarithms."""
+    changed = {
+        name: getattr(actuator, name) * float(np.exp(spread * logarithm))
+        for name, logarithm in logarithms.items()
+    }
+    changed["damping"] = min(changed["damping"], 1.0)
     return replace(actuator, **changed)
 
 
@@ -426,3 +419,30 @@ def drift(name: str, times: Array, spread: float = 1.0) -> Array:
     array([1.  , 0.98])
     """
     return 1 + spread * ASSUMED.heating * VARIATIONS[name].warm * times
+
+
+def sines(angle: Array, *terms: tuple[float, float, float]) -> Array:
+    """Return the sum of sines ``size * sin(order * angle + phase)``.
+
+    Parameters
+    ----------
+    angle : ndarray of shape (n_times,)
+        Angle of the shaft, or 2 pi times the time [rad].
+    *terms : (float, float, float)
+        Order (or frequency), size and phase [rad] of each sine.
+
+    Returns
+    -------
+    ndarray of shape (n_times,)
+
+    Examples
+    --------
+    >>> angle = np.array([0.0, np.pi / 6])
+    >>> sines(angle, (3, 1.0, 0.0)).round(9), sines(angle, (3, 2.0, np.pi / 2)).round(9)
+    (array([0., 1.]), array([2., 0.]))
+    """
+    total = np.zeros_like(angle)
+    for order, size, phase in terms:
+        if size:
+            total += size * np.sin(order * angle + phase)
+    return total

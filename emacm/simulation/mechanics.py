@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from math import copysign, exp, sqrt
-from typing import NamedTuple
+from math import copysign, sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,14 @@ from scipy.constants import inch, lbf
 from scipy.interpolate import BSpline
 
 from emacm.simulation.faults import POLE_PAIRS, Fault
-from emacm.simulation.laboratory import ASSUMED, PEAK_SPEED, SUPPLY_VOLTAGE, Actuator, Condition
-from emacm.simulation.waves import Array
+from emacm.simulation.laboratory import (
+    ASSUMED,
+    PEAK_SPEED,
+    SUPPLY_VOLTAGE,
+    Actuator,
+    Array,
+    Condition,
+)
 
 # V peak of a phase for the planned motion: 220 V between phases, less a reserve.
 _ALLOWED = ASSUMED.voltage_reserve * (SUPPLY_VOLTAGE * sqrt(2 / 3))
@@ -131,36 +137,27 @@ def _follow(
         load_share * condition.load(place) * lbf * actuator.torque_per_force for place in (0.0, 1.0)
     )
     per_rad = (at_1 - at_0) / actuator.angle_per_inch
-    jammed = jam.friction * actuator.max_torque
-    jam_angle, jam_width = (x * actuator.angle_per_inch for x in (jam.place, jam.width))
-    # Up to a quarter of the torque, and the speed that the voltage then allows, nothing is limited.
-    part, current = actuator.max_torque / 4, actuator.max_current / 4
-    slow = max(_ALLOWED - actuator.winding_resistance * current, 0.0) / (
-        actuator.emf_constant + POLE_PAIRS * actuator.winding_inductance * current
-    )
     angle, velocity, velocities = float(targets[0]), 0.0, []
     for target in targets.tolist():  # nonlinear, so computed step by step: 1 us each
         velocities.append(velocity)
         wanted = min(max(actuator.position_gain * (target - angle), -limit), limit)
         change = nearer * (wanted - velocity)
-        needed, speed = at_0 + per_rad * angle, abs(velocity)
-        braking = actuator.coulomb + actuator.viscous * speed + lost * abs(needed)
-        if jammed:
-            away = (angle - jam_angle) / jam_width
-            braking += jammed * exp(-(away * away))
+        needed = at_0 + per_rad * angle
+        braking = actuator.coulomb + actuator.viscous * abs(velocity) + lost * abs(needed)
+        if jam.friction:
+            braking += jam_torque(angle, actuator, jam)
         torque = inertia * change / dt + needed + copysign(braking, velocity)
-        if speed > slow or not -part <= torque <= part:
-            limited = limited_torque(torque, velocity, actuator)
-            if limited != torque:  # the limited torque drives; friction can only brake
-                driven = velocity + (limited - needed) * dt / inertia
-                left = copysign(max(abs(driven) - braking * dt / inertia, 0.0), driven)
-                change = min(max(left, -limit), limit) - velocity
+        limited = limited_torque(torque, velocity, actuator)
+        if limited != torque:  # the limited torque drives; friction can only brake
+            driven = velocity + (limited - needed) * dt / inertia
+            left = copysign(max(abs(driven) - braking * dt / inertia, 0.0), driven)
+            change = min(max(left, -limit), limit) - velocity
         angle += dt * (velocity + change / 2)
         velocity += change
     return np.array(velocities)
 
 
-def jam_torque(angle: Array, actuator: Actuator, jam: Fault) -> Array:
+def jam_torque(angle: Any, actuator: Actuator, jam: Fault) -> Any:
     """Return the friction torque of a jam [N m]: a Gaussian over the position (assumed).
 
     Examples

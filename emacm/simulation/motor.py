@@ -18,10 +18,11 @@ from emacm.simulation.laboratory import (
     RATED_FORCE,
     SUPPLY_VOLTAGE,
     Actuator,
+    Array,
     drift,
+    sines,
 )
 from emacm.simulation.mechanics import Motion, jam_torque
-from emacm.simulation.waves import Array, sines
 
 
 class Unit(NamedTuple):

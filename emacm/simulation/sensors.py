@@ -7,9 +7,8 @@ from scipy import signal as filters
 from scipy.constants import arcminute
 
 from emacm.shaft.angle import angle_from_resolver
-from emacm.simulation.faults import POLE_PAIRS, Imperfections
-from emacm.simulation.laboratory import ASSUMED, TRANSDUCERS, Actuator
-from emacm.simulation.waves import Array, sines
+from emacm.simulation.faults import POLE_PAIRS
+from emacm.simulation.laboratory import ASSUMED, TRANSDUCERS, Actuator, Array, sines
 
 
 def interference(times: Array, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -62,7 +61,7 @@ def measured(
 
     Parameters
     ----------
-    sensor : {"lvdt", "velocity", "current", "accelerometer", "load"}
+    sensor : {"lvdt", "velocity", "current", "accelerometer"}
         Transducer.
     values : ndarray of shape (n_times,)
         True quantity, in the unit of the transducer.
@@ -106,18 +105,17 @@ def _low_pass(values: Array, order: int, cutoff: float, fs: float) -> Array:
 
 
 def resolver_error(
-    angle: Array, actuator: Actuator, imperfections: Imperfections
+    angle: Array, actuator: Actuator, shares: Array, phases: Array
 ) -> tuple[Array, Array]:
     """Return the error of the resolver [rad], and its derivative by the angle.
 
     The error has orders 1, 2 and 12; the derivative is the error of the indicated velocity,
-    relative to the velocity.
+    relative to the velocity. `shares` and `phases` are those of `draw_imperfections`.
 
     Examples
     --------
-    >>> from emacm.simulation.faults import draw_imperfections
-    >>> unit = draw_imperfections(np.random.default_rng(0), spread=0)
-    >>> error, _ = resolver_error(np.array([np.pi / 2]), Actuator(), unit)  # 3' at order 1
+    >>> ones, zeros = np.ones(3), np.zeros(3)
+    >>> error, _ = resolver_error(np.array([np.pi / 2]), Actuator(), ones, zeros)  # 3' at order 1
     >>> (error * 180 * 60 / np.pi).round(6)
     array([3.])
     """
@@ -125,7 +123,7 @@ def resolver_error(
     parts = [
         (order, size * relative * share, phase)
         for (order, relative), share, phase in zip(
-            ASSUMED.resolver_errors, *imperfections[:2], strict=True
+            ASSUMED.resolver_errors, shares, phases, strict=True
         )
     ]
     slopes = [(order, order * size, phase + np.pi / 2) for order, size, phase in parts]

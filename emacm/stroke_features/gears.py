@@ -6,7 +6,7 @@ The signals of the functions are one revolution of the shaft of the gear, at uni
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -15,15 +15,20 @@ from numpy.typing import NDArray
 from emacm._checks import check_count
 from emacm.recordings.inputs import as_recordings, run
 from emacm.resampling.angle_recording import AngleRecording, as_angle_recordings
-from emacm.stroke_features.transformer import MAX_COLUMNS, Row, StrokeFeatures, StrokeSignal
+from emacm.stroke_features.statistics import normalized_moment
+from emacm.stroke_features.transformer import MAX_COLUMNS, StrokeFeatures, StrokeSignal
 
 Array = NDArray[np.float64]
 
 _INDICATORS = ("FM0", "FM4", "M6A", "sidebands", "NA4", "NB4")
+# Levels are at least this, so that a signal without power has finite indicators.
+_LEAST = np.finfo(np.float64).tiny ** 0.25  # its square does not underflow
 
 
 class _RevolutionFeatures(StrokeFeatures):
     """Base of features of averaged revolutions, which have the same number of samples each."""
+
+    _needs_angle = True
 
     def fit(self, X: Any, y: Any = None) -> Self:
         """Set the channels, the samples per revolution and the names of the columns.
@@ -51,11 +56,10 @@ class _RevolutionFeatures(StrokeFeatures):
     def _check_row(self, row: Any) -> None:
         super()._check_row(row)
         exact = 2 * np.pi / row.theta_s
-        if abs(exact - self._n_samples) > 1e-9 * self._n_samples or row.direction == "travel":
+        if abs(exact - self._n_samples) > 1e-9 * self._n_samples:
             raise ValueError(
-                f"it has {exact:.9g} samples per revolution and direction={row.direction!r}, but "
-                f"averages need strokes of {self._n_samples} samples per revolution. Set theta_s = "
-                f"2 * np.pi / {self._n_samples} and direction='strokes' of OrderResampler."
+                f"it has {exact:.9g} samples per revolution, but averages need "
+                f"{self._n_samples}. Set theta_s = 2 * np.pi / {self._n_samples} of OrderResampler."
             )
 
 
@@ -72,10 +76,6 @@ class SynchronousAverage(_RevolutionFeatures):
     by_direction : bool or "auto"
         Average forward and reverse strokes separately, as columns ``channel+:…`` and
         ``channel-:…``. "auto": if a recording of `fit` has strokes of both directions.
-    min_speed : float
-        As in `OrderResampler`, where it is set.
-    min_revolutions : float
-        Shorter strokes are ignored [revolutions].
     n_jobs : int, optional
         Number of recordings processed in parallel, by joblib's active backend (default: threads).
 
@@ -92,12 +92,12 @@ class SynchronousAverage(_RevolutionFeatures):
     Notes
     -----
     `X` is the output of `OrderResampler` with 2π/theta_s a whole number n of samples per
-    revolution. The largest number of whole revolutions of each stroke is averaged; strokes are
-    aligned at the shaft angle and weighted by their revolutions. Columns ``channel:average0`` to
-    ``channel:average(n-1)``: the average at angles 0, theta_s, 2 theta_s, ... of the shaft. With
-    a velocity as the reference, the angle starts at 0 wherever the shaft was. A component of
-    another shaft is reduced to 1/(number of revolutions) or less, as is noise to
-    1/sqrt(number of revolutions).
+    revolution. The largest number of whole revolutions of each stroke is averaged; shorter strokes
+    are ignored. Strokes are aligned at the shaft angle and weighted by their revolutions. Columns
+    ``channel:average0`` to ``channel:average(n-1)``: the average at angles 0, theta_s,
+    2 theta_s, ... of the shaft. With a velocity as the reference, the angle starts at 0 wherever
+    the shaft was. A component of another shaft is reduced to 1/(number of revolutions) or less, as
+    is noise to 1/sqrt(number of revolutions).
 
     References
     ----------
@@ -121,16 +121,14 @@ class SynchronousAverage(_RevolutionFeatures):
         *,
         channels: Sequence[str] | None = None,
         by_direction: bool | str = "auto",
-        min_speed: float = 0.0,
-        min_revolutions: float = 0.0,
         n_jobs: int | None = None,
     ) -> None:
-        super().__init__(channels, by_direction, min_speed, min_revolutions, n_jobs)
+        super().__init__(channels, by_direction, 0.0, 1.0, n_jobs)
 
-    def _feature_names(self) -> list[tuple[str, ...]]:
+    def _feature_names(self) -> list[str]:
         if self._n_samples > MAX_COLUMNS:
             raise ValueError(f"{self._n_samples} samples per revolution are too many columns.")
-        return [(f"average{k}",) for k in range(self._n_samples)]
+        return [f"average{k}" for k in range(self._n_samples)]
 
     def _features(self, strokes: Sequence[StrokeSignal]) -> Array:
         return average_revolution(strokes, self._n_samples)
@@ -141,21 +139,14 @@ class GearIndicators(_RevolutionFeatures):
 
     Parameters
     ----------
-    teeth : int or mapping of str to int
-        Teeth of the gear on the shaft of `OrderResampler` (see its `ratio`), or of several gears
-        on this shaft by name.
-    shaft_orders : int
-        Number of harmonics of the shaft that are removed with the regular meshing components.
+    teeth : int
+        Teeth of the gear on the shaft of `OrderResampler` (see its `ratio`).
     channels : sequence of str, optional
         Channels, in this order. Default: those of the first recording.
     by_direction : bool or "auto"
         Compute forward and reverse strokes separately, as columns ``channel+:…`` and
         ``channel-:…``: teeth have two flanks. "auto": if a recording of `fit` has strokes of both
         directions.
-    min_speed : float
-        As in `OrderResampler`, where it is set.
-    min_revolutions : float
-        Shorter strokes are ignored [revolutions].
     n_jobs : int, optional
         Number of recordings processed in parallel, by joblib's active backend (default: threads).
 
@@ -163,7 +154,7 @@ class GearIndicators(_RevolutionFeatures):
     ----------
     channels_ : tuple of str
         Channels that are described.
-    ensemble_ : ndarray of shape (n_channels * n_directions * n_gears, 2)
+    ensemble_ : ndarray of shape (n_channels * n_directions, 2)
         Variances of the residual signal and of the envelope, averaged over the recordings of
         `fit`: the run ensemble of NA4 and NB4.
 
@@ -174,7 +165,7 @@ class GearIndicators(_RevolutionFeatures):
 
     Notes
     -----
-    Columns ``channel:FM0`` (``channel:name:FM0`` for several gears) and so on [1]_:
+    Columns ``channel:FM0`` and so on [1]_:
 
     - "FM0": peak-to-peak value over the amplitudes of the mesh harmonics: faults of several teeth;
     - "FM4", "M6A": normalised 4th and 6th moment of the difference signal: faults of one or two
@@ -185,9 +176,9 @@ class GearIndicators(_RevolutionFeatures):
       growing with the damage. Fit on healthy recordings, or on all runs so far: the transform of
       a recording never depends on the others of the same call.
 
-    The residual signal is the average without mesh harmonics and shaft harmonics; the difference
-    signal lacks the first sidebands too. All need several whole revolutions, and several samples
-    per tooth: theta_s of 2π / (8 teeth), say.
+    The residual signal is the average without mesh harmonics and the first two shaft harmonics;
+    the difference signal lacks the first sidebands too. All need several whole revolutions, and
+    several samples per tooth: theta_s of 2π / (8 teeth), say.
 
     An error of the shaft angle once per revolution (an eccentric encoder or resolver, uneven
     tachometer pulses) modulates the phase of the mesh by beta = error x teeth [rad], and so does an
@@ -219,18 +210,14 @@ class GearIndicators(_RevolutionFeatures):
 
     def __init__(
         self,
-        teeth: int | Mapping[str, int],
+        teeth: int,
         *,
-        shaft_orders: int = 2,
         channels: Sequence[str] | None = None,
         by_direction: bool | str = "auto",
-        min_speed: float = 0.0,
-        min_revolutions: float = 0.0,
         n_jobs: int | None = None,
     ) -> None:
-        super().__init__(channels, by_direction, min_speed, min_revolutions, n_jobs)
+        super().__init__(channels, by_direction, 0.0, 1.0, n_jobs)
         self.teeth = teeth
-        self.shaft_orders = shaft_orders
 
     def fit(self, X: Any, y: Any = None) -> Self:
         """Set the channels and the names of the columns, and average the run ensemble.
@@ -253,65 +240,48 @@ class GearIndicators(_RevolutionFeatures):
         """
         super().fit(X)
         rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
-        moments = run(self._moments, rows, n_jobs=self.n_jobs)
-        self.ensemble_ = np.mean([raw[:, -3:-1] for raw in moments], axis=0)
+        moments = self._moments(run(self._row, rows, n_jobs=self.n_jobs))
+        self.ensemble_ = moments[:, :, 6:8].mean(axis=0)
         return self
 
-    def _gears(self) -> dict[str, int]:
-        return dict(self.teeth) if isinstance(self.teeth, Mapping) else {"": self.teeth}
-
     def _check_own_parameters(self) -> None:
-        check_count(self.shaft_orders, "shaft_orders", at_least=0)
-        if isinstance(self.teeth, Mapping) and not self.teeth:
-            raise ValueError("teeth must contain at least one gear, got none.")
-        for name, teeth in self._gears().items():
-            if not isinstance(name, str):
-                raise TypeError(f"the names of gears must be strings, got {name!r}.")
-            check_count(teeth, f"teeth of {name!r}" if name else "teeth", at_least=4)
-            mesh_orders(teeth, self._n_samples, sidebands=1)
+        check_count(self.teeth, "teeth", at_least=4)
+        mesh_orders(self.teeth, self._n_samples, sidebands=1)
 
-    def _feature_names(self) -> list[tuple[str, ...]]:
-        names = self._gears()
-        return [((name, word) if name else (word,)) for name in names for word in _INDICATORS]
+    def _feature_names(self) -> list[str]:
+        return list(_INDICATORS)
 
-    def _features(self, strokes: Sequence[StrokeSignal]) -> Array:
-        """Return of each gear the indicators, with moments for NA4, NB4, and what follows them.
+    def _features(self, strokes: Sequence[StrokeSignal]) -> list[float]:
+        """Return the indicators, with moments for NA4, NB4, and what follows them.
 
         These are the two variances and the phase modulation.
         """
-        average = average_revolution(strokes, self._n_samples)
-        return np.concatenate([self._of_gear(average, teeth) for teeth in self._gears().values()])
-
-    def _of_gear(self, average: Array, teeth: int) -> list[float]:
-        residual = residual_signal(average, teeth, shaft_orders=self.shaft_orders)
-        difference = residual_signal(average, teeth, sidebands=1, shaft_orders=self.shaft_orders)
+        average, teeth = average_revolution(strokes, self._n_samples), self.teeth
+        residual = residual_signal(average, teeth)
+        difference = residual_signal(average, teeth, sidebands=1)
         envelope = mesh_envelope(average, teeth)
         signals = residual, envelope - envelope.mean()
         return [
             fm0(average, teeth),
-            normalized_moment(difference, 4),
-            normalized_moment(difference, 6),
+            *(normalized_moment(difference, order, least=_LEAST) for order in (4, 6)),
             sideband_level(average, teeth),
             *(float(np.mean(signal**power)) for power in (4, 2) for signal in signals),
             phase_modulation(average, teeth),
         ]
 
-    def _moments(self, row: Row) -> Array:
-        return super()._row(row).reshape(-1, len(_INDICATORS) + 3)
-
-    def _row(self, row: Row) -> Array:
-        found = self._moments(row)
-        found[:, 4:6] /= _positive(self.ensemble_) ** 2
-        return np.delete(found, [6, 7], axis=1)
+    def _moments(self, table: Any) -> Array:
+        """Return what `_features` returns, by recording, and by channel and direction."""
+        return np.reshape(table, (len(table), -1, len(_INDICATORS) + 3))
 
     def _checked_table(self, table: Array, *, largest: float = 0.2) -> Array:
         """Return the indicators; warn if the phase of a mesh is modulated by more [rad]."""
-        modulation = table[:, :, -1]
+        moments = self._moments(table)
+        modulation = moments[:, :, -1]
         rows, gears = np.nonzero(modulation > largest)
         if len(rows):
-            gear = ":".join(self._keys()[gears[0] * len(_INDICATORS)][:-1])
+            channel = self._columns_out[gears[0] * len(_INDICATORS)].rpartition(":")[0]
             warnings.warn(
-                f"recording {rows[0]}: {gear}: the phase of the mesh is modulated once per "
+                f"recording {rows[0]}: {channel}: the phase of the mesh is modulated once per "
                 f"revolution by {modulation[rows[0], gears[0]]:.2g} rad (so in {len(set(rows))} of "
                 f"{len(table)} recordings; accepted is {largest:g}). The angle reference has an "
                 f"error of this over the teeth, or the gear is eccentric by half of this times its "
@@ -320,7 +290,8 @@ class GearIndicators(_RevolutionFeatures):
                 UserWarning,
                 stacklevel=4,
             )
-        return table[:, :, :-1].reshape(len(table), -1)
+        moments[:, :, 4:6] /= _positive(self.ensemble_) ** 2
+        return moments[:, :, :6].reshape(len(table), -1)
 
 
 def average_revolution(strokes: Sequence[StrokeSignal], n_samples: int) -> Array:
@@ -329,7 +300,7 @@ def average_revolution(strokes: Sequence[StrokeSignal], n_samples: int) -> Array
     Parameters
     ----------
     strokes : sequence of StrokeSignal
-        Signals at angles 2π / n_samples apart.
+        Signals at angles 2π / n_samples apart, of at least one revolution.
     n_samples : int
         Samples per revolution.
 
@@ -337,11 +308,6 @@ def average_revolution(strokes: Sequence[StrokeSignal], n_samples: int) -> Array
     -------
     ndarray of shape (n_samples,)
         Average at the shaft angles 0, 2π / n_samples, ...
-
-    Raises
-    ------
-    ValueError
-        If no stroke contains a whole revolution.
     """
     orders = np.arange(n_samples // 2 + 1)
     total, n_turns = np.zeros(len(orders), complex), 0
@@ -353,12 +319,6 @@ def average_revolution(strokes: Sequence[StrokeSignal], n_samples: int) -> Array
             spectrum = np.conj(spectrum)
         total += spectrum * np.exp(-1j * orders * stroke.start_angle)
         n_turns += turns
-    if not n_turns:
-        longest = max(len(stroke.signal) for stroke in strokes) / n_samples
-        raise ValueError(
-            f"an average needs one whole revolution, but the longest stroke has {longest:.4g} "
-            f"revolutions. Check min_speed and ratio, or leave the recording out."
-        )
     return np.fft.irfft(total / n_turns, n_samples)
 
 
@@ -395,9 +355,7 @@ def mesh_orders(teeth: int, n_samples: int, *, sidebands: int = 0) -> NDArray[np
     return (harmonics[:, np.newaxis] + np.arange(-sidebands, sidebands + 1)).ravel()
 
 
-def residual_signal(
-    average: Array, teeth: int, *, sidebands: int = 0, shaft_orders: int = 2
-) -> Array:
+def residual_signal(average: Array, teeth: int, *, sidebands: int = 0) -> Array:
     """Remove the regular meshing components from a time-synchronous average [1]_.
 
     Parameters
@@ -409,13 +367,11 @@ def residual_signal(
     sidebands : int
         0: residual signal, without the harmonics of the mesh. 1: difference signal, also without
         the first sidebands on either side.
-    shaft_orders : int
-        Number of harmonics of the shaft that are removed as well, besides the mean.
 
     Returns
     -------
     ndarray of shape (n_samples,)
-        What is left [U].
+        What is left [U], also without the mean and two harmonics of the shaft.
 
     References
     ----------
@@ -431,7 +387,7 @@ def residual_signal(
     [0.11, 0.01]
     """
     spectrum = np.fft.rfft(average)
-    spectrum[: shaft_orders + 1] = 0
+    spectrum[:3] = 0
     spectrum[mesh_orders(teeth, len(average), sidebands=sidebands)] = 0
     return np.fft.irfft(spectrum, len(average))
 
@@ -452,25 +408,6 @@ def fm0(average: Array, teeth: int) -> float:
     """
     amplitudes = _amplitudes(average)[mesh_orders(teeth, len(average))]
     return float(np.ptp(average) / _positive(amplitudes.sum()))
-
-
-def normalized_moment(signal: Array, order: int) -> float:
-    """Return a central moment over that power of the variance: 4 gives FM4, and 6 gives M6A [1]_.
-
-    Applied to the difference signal, which is noise for a gear without fault: 3 and 15 then.
-
-    References
-    ----------
-    .. [1] Martin, Statistical moment analysis as a means of surface damage detection, Proc. 7th
-       International Modal Analysis Conference (IMAC), pp. 1016-1021 (1989).
-
-    Examples
-    --------
-    >>> normalized_moment(np.array([1.0, -1.0, 1.0, -1.0]), 4)
-    1.0
-    """
-    x = signal - np.mean(signal)
-    return float(np.mean(x**order) / _positive(np.mean(x**2)) ** (order / 2))
 
 
 def mesh_envelope(average: Array, teeth: int) -> Array:
@@ -564,5 +501,5 @@ def _amplitudes(average: Array) -> Array:
 
 
 def _positive(level: Any) -> Any:
-    """Return a level, above 0 so that a signal without power has finite indicators."""
-    return np.maximum(level, np.finfo(np.float64).tiny ** 0.25)  # its square does not underflow
+    """Return a level, at least `_LEAST`."""
+    return np.maximum(level, _LEAST)

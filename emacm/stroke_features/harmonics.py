@@ -122,6 +122,8 @@ class ShaftHarmonics(StrokeFeatures):
         self.phase = phase
         self.n_sections = n_sections
 
+    _needs_angle = True
+
     def _check_own_parameters(self) -> None:
         orders = np.array(check_orders(self.orders))
         check_choice(self.phase, "phase", tuple(_COLUMNS))
@@ -138,11 +140,6 @@ class ShaftHarmonics(StrokeFeatures):
 
     def _check_row(self, row: Row) -> None:
         super()._check_row(row)
-        if isinstance(row, AngleRecording) and row.direction == "travel":
-            raise ValueError(
-                "it was resampled with direction='travel', which has no shaft angle: the phase "
-                "changes its sign at each reversal. Use direction='strokes'."
-            )
         measured: Recording = row.measured if isinstance(row, AngleRecording) else row
         if self.phase == "absolute" and measured.reference == "velocity":
             raise ValueError(
@@ -151,12 +148,12 @@ class ShaftHarmonics(StrokeFeatures):
                 "angle=..., or use ShaftHarmonics with phase='relative' or phase=None."
             )
 
-    def _feature_names(self) -> list[tuple[str, ...]]:
+    def _feature_names(self) -> list[str]:
         lines = [word + number_name(k) for k in self.orders for word in _COLUMNS[self.phase]]
         if self.n_sections == 1:
-            return [(line,) for line in lines]
-        sections = [f"{number}of{self.n_sections}" for number in range(1, self.n_sections + 1)]
-        return [(section, line) for section in sections for line in lines]
+            return lines
+        numbers = range(1, self.n_sections + 1)
+        return [f"{number}of{self.n_sections}:{line}" for number in numbers for line in lines]
 
     def _features(self, strokes: Sequence[StrokeSignal]) -> Array:
         found = np.stack([self._of_section(strokes, k) for k in range(self.n_sections)])

@@ -9,10 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import scipy  # scipy.integrate is imported when it is used
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_choice, check_count
+from emacm._checks import check_count
 from emacm.stroke_features.transformer import MAX_COLUMNS, StrokeFeatures, StrokeSignal
 
 Array = NDArray[np.float64]
@@ -21,9 +20,10 @@ Array = NDArray[np.float64]
 class StrokeProfile(StrokeFeatures):
     """Profile of each channel along the stroke, as few coefficients.
 
-    The friction of a screw varies along its length, and so does the load of an actuator along its
-    travel. These changes are slow, over many revolutions; order spectra remove them with the mean
-    or do not resolve them.
+    The coefficients are projections on the orthonormal cosines with 0, 1, 2, ... half waves along
+    the stroke, in the unit of the channel. The friction of a screw varies along its length, and so
+    does the load of an actuator along its travel. These changes are slow, over many revolutions;
+    order spectra remove them with the mean or do not resolve them.
 
     Parameters
     ----------
@@ -34,9 +34,6 @@ class StrokeProfile(StrokeFeatures):
     by_direction : bool or "auto"
         Compute forward and reverse strokes separately, as columns ``channel+:…`` and
         ``channel-:…``. "auto": if a recording of `fit` has strokes of both directions.
-    basis : {"cosine", "mean"}
-        "cosine": projections on the orthonormal cosines with 0, 1, 2, ... half waves along the
-        stroke; "mean": means of equal segments of the stroke. Both in the unit of the channel.
     min_speed : float
         Speed up to which the shaft counts as standing still [rad/s], as in `OrderResampler`. For
         resampled recordings, the value given there applies.
@@ -63,7 +60,7 @@ class StrokeProfile(StrokeFeatures):
     the first sample of each stroke and 1 at the last, in its own direction of motion. The profiles
     of the strokes of one direction are averaged with their lengths as weights. Columns
     are named ``channel+:cosine0``, ``channel-:cosine0``, or ``channel:cosine0`` for both
-    directions together; with segments, ``channel+:segment0``.
+    directions together.
 
     Coefficient k of a cosine has k / 2 waves along a stroke. If that is far below the number of
     revolutions of the stroke, no coefficient depends on the 1x component or its phase.
@@ -74,10 +71,10 @@ class StrokeProfile(StrokeFeatures):
     >>> from emacm import Recording, StrokeProfile
     >>> angle = np.linspace(0, 100, 1001)
     >>> run = Recording({"torque": 2 + 0.01 * angle}, 1000, angle=angle)
-    >>> profile = StrokeProfile(2, basis="mean", by_direction=False)
-    >>> profile.set_output(transform="pandas").fit_transform([run])
-       torque:segment0  torque:segment1
-    0             2.25             2.75
+    >>> profile = StrokeProfile(2, by_direction=False).set_output(transform="pandas")
+    >>> profile.fit_transform([run]).round(3)
+       torque:cosine0  torque:cosine1
+    0             2.5          -0.287
     """
 
     def __init__(
@@ -86,25 +83,20 @@ class StrokeProfile(StrokeFeatures):
         *,
         channels: Sequence[str] | None = None,
         by_direction: bool | str = "auto",
-        basis: str = "cosine",
         min_speed: float = 0.0,
         min_revolutions: float = 0.0,
         n_jobs: int | None = None,
     ) -> None:
         super().__init__(channels, by_direction, min_speed, min_revolutions, n_jobs)
         self.n_coefficients = n_coefficients
-        self.basis = basis
 
     def _check_own_parameters(self) -> None:
         check_count(self.n_coefficients, "n_coefficients", at_most=MAX_COLUMNS)
-        check_choice(self.basis, "basis", tuple(_BASES))
 
-    def _feature_names(self) -> list[tuple[str, ...]]:
-        word = "cosine" if self.basis == "cosine" else "segment"
-        return [(f"{word}{k}",) for k in range(self.n_coefficients)]
+    def _feature_names(self) -> list[str]:
+        return [f"cosine{k}" for k in range(self.n_coefficients)]
 
     def _features(self, strokes: Sequence[StrokeSignal]) -> NDArray[np.float64]:
-        project = _BASES[self.basis]
         long = [s for s in strokes if len(s.travel) > 1 and np.max(s.travel) > s.travel[0]]
         if not long:
             raise ValueError(
@@ -112,7 +104,8 @@ class StrokeProfile(StrokeFeatures):
                 "theta_s, or leave the recording out."
             )
         profiles = [
-            project(stroke_positions(s.travel), s.signal, self.n_coefficients) for s in long
+            cosine_coefficients(stroke_positions(s.travel), s.signal, self.n_coefficients)
+            for s in long
         ]
         # Weighted by length, as in RecordingStatistics; noise at rest makes very short strokes.
         return np.average(profiles, axis=0, weights=[np.ptp(s.travel) for s in long])
@@ -147,14 +140,14 @@ def cosine_coefficients(position: ArrayLike, signal: ArrayLike, n_coefficients: 
     ----------
     position : array-like of shape (n_samples,)
         From 0 to 1, non-decreasing; see `stroke_positions`.
-    signal : array-like of shape (..., n_samples)
+    signal : array-like of shape (n_samples,)
         Signal at these positions, in any unit U.
     n_coefficients : int
         Number of coefficients; coefficient k has k half waves along the stroke.
 
     Returns
     -------
-    ndarray of shape (..., n_coefficients)
+    ndarray of shape (n_coefficients,)
         Integrals of the signal times 1, √2 cos(πp), √2 cos(2πp), ... over the position p [U].
         The cosines are orthonormal: the squares of all coefficients add up to the mean square
         over the position (Parseval), and the first is the mean.
@@ -171,50 +164,9 @@ def cosine_coefficients(position: ArrayLike, signal: ArrayLike, n_coefficients: 
     True
     """
     p, x = np.asarray(position, dtype=np.float64), np.asarray(signal, dtype=np.float64)
-    waves = np.pi * np.arange(1, n_coefficients)[:, np.newaxis]
-    middle, width, rise = (p[1:] + p[:-1]) / 2, np.diff(p), -np.sqrt(2) * np.diff(x)
-    mean = (x[..., 1:] + x[..., :-1]) @ width / 2
-    total = np.zeros((*x.shape[:-1], len(waves)))
-    step = max(1, (1 << 20) // max(1, len(waves)))  # so that the memory does not grow with both
-    for start in range(0, len(width), step):
-        part = slice(start, start + step)
-        weights = np.sin(waves * middle[part]) * np.sinc(waves * width[part] / (2 * np.pi)) / waves
-        total += rise[..., part] @ weights.T
-    return np.concatenate([mean[..., np.newaxis], total], axis=-1)
-
-
-def segment_means(position: ArrayLike, signal: ArrayLike, n_segments: int) -> Array:
-    """Average a signal over equal segments of the stroke.
-
-    Parameters
-    ----------
-    position : array-like of shape (n_samples,)
-        From 0 to 1, non-decreasing; see `stroke_positions`.
-    signal : array-like of shape (..., n_samples)
-        Signal at these positions, in any unit U.
-    n_segments : int
-        Number of segments.
-
-    Returns
-    -------
-    ndarray of shape (..., n_segments)
-        Mean over the position within each segment [U].
-
-    Examples
-    --------
-    >>> segment_means([0, 1], [0, 1], 4).tolist()
-    [0.125, 0.375, 0.625, 0.875]
-    """
-    p, x = np.asarray(position, dtype=np.float64), np.asarray(signal, dtype=np.float64)
-    edges = np.arange(n_segments + 1) / n_segments
-    width = np.diff(p)
-    before = scipy.integrate.cumulative_trapezoid(x, p, initial=0)
-    left = np.clip(np.searchsorted(p, edges, side="right") - 1, 0, len(p) - 2)
-    inside = edges - p[left]
-    steep = np.where(width[left] > 0, inside / np.where(width[left] > 0, width[left], 1.0), 0.0)
-    # The trapezoid from the sample on the left to the edge.
-    area = (x[..., left] + (x[..., left + 1] - x[..., left]) * steep / 2) * inside
-    return np.diff(before[..., left] + area, axis=-1) * n_segments
-
-
-_BASES = {"cosine": cosine_coefficients, "mean": segment_means}
+    middle, width, rise = (p[1:] + p[:-1]) / 2, np.diff(p), np.diff(x)
+    found = [(x[1:] + x[:-1]) @ width / 2]
+    for omega in np.pi * np.arange(1, n_coefficients):
+        weights = np.sin(omega * middle) * np.sinc(omega * width / (2 * np.pi))
+        found.append(-np.sqrt(2) / omega * (rise @ weights))
+    return np.array(found)

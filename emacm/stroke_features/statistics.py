@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from math import ceil
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_number, check_real_array
-from emacm.resampling.angle_recording import AngleRecording
-from emacm.stroke_features.transformer import Row, StrokeFeatures, StrokeSignal
-
-SECTIONS = ("stroke", "start", "stop", "rest")
+from emacm._checks import check_choice
+from emacm.stroke_features.transformer import StrokeFeatures, StrokeSignal
 
 Array = NDArray[np.float64]
 
@@ -23,15 +19,21 @@ class RecordingStatistics(StrokeFeatures):
     """Statistics of each channel in the strokes: mean, RMS, peak, crest factor, kurtosis, slope.
 
     Order spectra show how power is distributed over orders. They do not show the mean, the trend
-    along the stroke, the peaks, or what happens while the shaft starts, stops or stands still.
+    along the stroke, or the peaks.
 
     Parameters
     ----------
     statistics : sequence of str
-        Statistics of the strokes: any of "mean", "rms", "std", "peak", "peak_to_peak" and "slope"
-        (in the unit of the channel; the slope per revolution, in the direction of motion of the
-        stroke), "crest_factor", "kurtosis" (3 for Gaussian noise) and "skewness"; see
-        `emacm.stroke_features.statistics.signal_statistics`.
+        Any of, for a channel in a unit U,
+
+        - "mean" [U], "rms" [U], "std" [U] (divided by the number of samples, so that
+          rms² = mean² + std²),
+        - "peak" [U], the largest absolute value, and "peak_to_peak" [U],
+        - "slope" [U per revolution], in the direction of motion of the stroke,
+        - "crest_factor", peak / rms: 1 for a constant, sqrt(2) for a sine,
+        - "kurtosis", the fourth central moment divided by the squared variance (3 is not
+          subtracted): 1.5 for a sine, 3 for Gaussian noise,
+        - "skewness", the third central moment divided by the variance to the power 3/2.
     channels : sequence of str, optional
         Channels to describe, in this order. Default: those of the first recording.
     by_direction : bool or "auto"
@@ -43,13 +45,6 @@ class RecordingStatistics(StrokeFeatures):
     min_revolutions : float
         Shorter strokes are ignored [revolutions]. A noisy shaft reference at standstill can give
         strokes of a fraction of a revolution, which `min_speed` does not exclude.
-    sections : sequence of {"stroke", "start", "stop", "rest"}
-        Sections to describe: whole strokes; their first and last `transient` seconds; the samples
-        that belong to no stroke (or to an ignored one). All but "stroke" need recordings over time.
-    section_statistics : sequence of str
-        Statistics of start, stop and rest.
-    transient : float
-        Length of start and stop [s]; at least one sample, at most the stroke.
     n_jobs : int, optional
         Number of recordings processed in parallel, by joblib's active backend (default: threads).
 
@@ -68,11 +63,11 @@ class RecordingStatistics(StrokeFeatures):
     `OrderResampler`, with samples equally weighted in angle. All strokes of one direction are
     pooled, so a longer stroke has more weight; for the slope, each stroke has its own level.
     Columns are named ``channel+:rms``, ``channel-:rms``, or ``channel:rms`` for both directions
-    together; for sections, ``channel+:start:peak``, ``channel+:stop:peak``, ``channel:rest:peak``.
+    together.
 
     The crest factor of a signal of zeros, and the kurtosis or skewness of a constant, are
-    undefined and raise an error that gives the recording, the channel and the strokes. So do a
-    recording without a stroke in one direction, and "rest" if the shaft never stands still.
+    undefined and raise an error that gives the recording, the channel and the strokes. So does a
+    recording without a stroke in one direction.
 
     Examples
     --------
@@ -80,13 +75,12 @@ class RecordingStatistics(StrokeFeatures):
     >>> from emacm import Recording, RecordingStatistics
     >>> speed = np.repeat([0.0, 20.0, 0.0, -20.0], 50)
     >>> run = Recording({"current": 0.1 * speed + 1}, 100, velocity=speed)
-    >>> levels = RecordingStatistics(("mean", "rms"), sections=("stroke", "rest"))
-    >>> levels.set_output(transform="pandas").fit_transform([run]).iloc[0, :5]
-    current+:mean        3.0
-    current+:rms         3.0
-    current-:mean       -1.0
-    current-:rms         1.0
-    current:rest:mean    1.0
+    >>> levels = RecordingStatistics(("mean", "rms")).set_output(transform="pandas")
+    >>> levels.fit_transform([run]).iloc[0]
+    current+:mean    3.0
+    current+:rms     3.0
+    current-:mean   -1.0
+    current-:rms     1.0
     Name: 0, dtype: float64
     """
 
@@ -98,131 +92,31 @@ class RecordingStatistics(StrokeFeatures):
         by_direction: bool | str = "auto",
         min_speed: float = 0.0,
         min_revolutions: float = 0.0,
-        sections: Sequence[str] = ("stroke",),
-        section_statistics: Sequence[str] = ("mean", "rms", "peak"),
-        transient: float = 0.5,
         n_jobs: int | None = None,
     ) -> None:
         super().__init__(channels, by_direction, min_speed, min_revolutions, n_jobs)
         self.statistics = statistics
-        self.sections = sections
-        self.section_statistics = section_statistics
-        self.transient = transient
 
     def _check_own_parameters(self) -> None:
-        known = (*STATISTICS, "slope")
-        check_statistics(self.statistics, "statistics", known)
-        check_statistics(self.section_statistics, "section_statistics", known)
-        check_statistics(self.sections, "sections", SECTIONS)
-        check_number(self.transient, "transient", above=0, unit="s")
-        if "rest" in self.sections and "slope" in self.section_statistics:
-            raise ValueError(
-                "section_statistics contains 'slope', per revolution, but at rest there are no "
-                "revolutions. Leave out 'slope', or 'rest' of sections."
-            )
+        names = self.statistics
+        if isinstance(names, str) or not isinstance(names, Sequence | np.ndarray):
+            raise TypeError(f"statistics must be a list of names such as ['rms'], got {names!r}.")
+        for name in names:
+            check_choice(name, "a statistic", (*STATISTICS, "slope"))
+        if not len(names) or len(set(names)) < len(names):
+            raise ValueError(f"statistics must contain each name once, got {list(names)}.")
 
-    def _check_row(self, row: Row) -> None:
-        super()._check_row(row)
-        if isinstance(row, AngleRecording) and set(self.sections) != {"stroke"}:
-            raise ValueError(
-                f"sections = {list(self.sections)} need recordings over time, but it is over the "
-                f"shaft angle. Apply RecordingStatistics to the recordings themselves, next to "
-                f"OrderResampler in a FeatureUnion, or set sections=['stroke']."
-            )
-
-    def _feature_names(self) -> list[tuple[str, ...]]:
-        return [
-            (name,) if section == "stroke" else (section, name)
-            for section in self.sections
-            if section != "rest"
-            for name in self._statistics_of(section)
-        ]
+    def _feature_names(self) -> list[str]:
+        return list(self.statistics)
 
     def _features(self, strokes: Sequence[StrokeSignal]) -> list[float]:
-        values: list[float] = []
-        for section in self.sections:
-            if section != "rest":
-                cut = [_section(stroke, section, self.transient) for stroke in strokes]
-                values += _described(cut, self._statistics_of(section))
-        return values
-
-    def _rest_names(self) -> list[tuple[str, ...]]:
-        return (
-            [("rest", name) for name in self.section_statistics] if "rest" in self.sections else []
-        )
-
-    def _rest_features(self, rest: NDArray[np.floating]) -> Any:
-        if "rest" not in self.sections:
-            return []
-        if not len(rest):
-            raise ValueError(
-                f"the shaft never stands still (min_speed = {self.min_speed:g} rad/s). Raise "
-                f"min_speed above the noise of the shaft reference at rest, or leave 'rest' out "
-                f"of sections."
-            )
-        return signal_statistics(rest, self.section_statistics)
-
-    def _statistics_of(self, section: str) -> Sequence[str]:
-        return self.statistics if section == "stroke" else self.section_statistics
-
-
-def _section(stroke: StrokeSignal, section: str, transient: float) -> StrokeSignal:
-    """Return the start or the stop of a stroke, or all of it."""
-    if section == "stroke" or stroke.fs is None:
-        return stroke
-    n_samples = ceil(transient * stroke.fs * (1 - 1e-9))
-    return stroke.cut(slice(n_samples) if section == "start" else slice(-n_samples, None))
-
-
-def _described(strokes: Sequence[StrokeSignal], statistics: Sequence[str]) -> list[float]:
-    """Pool the strokes; only the slope is computed within each."""
-    signals = [stroke.signal for stroke in strokes]
-    turns = [stroke.travel / (2 * np.pi) for stroke in strokes]
-    pooled = np.concatenate(signals)
-    return [
-        common_slope(signals, turns) if name == "slope" else STATISTICS[name](pooled)
-        for name in statistics
-    ]
-
-
-def signal_statistics(signal: ArrayLike, statistics: Sequence[str]) -> Array:
-    """Compute statistics of signals.
-
-    Parameters
-    ----------
-    signal : array-like of shape (..., n_samples)
-        Signals in any unit U; all samples have equal weight.
-    statistics : sequence of str
-        Any of
-
-        - "mean" [U], "rms" [U], "std" [U] (divided by n_samples, so that
-          rms² = mean² + std²),
-        - "peak" [U], the largest absolute value, and "peak_to_peak" [U],
-        - "crest_factor", peak / rms: 1 for a constant, sqrt(2) for a sine,
-        - "kurtosis", the fourth central moment divided by the squared variance (3 is not
-          subtracted): 1.5 for a sine, 3 for Gaussian noise,
-        - "skewness", the third central moment divided by the variance to the power 3/2.
-
-    Returns
-    -------
-    ndarray of shape (..., n_statistics)
-        In float64, in the order of `statistics`.
-
-    Raises
-    ------
-    TypeError
-        If the signal is not numeric.
-    ValueError
-        If a ratio is undefined: the kurtosis or skewness of a constant, the crest factor of zeros.
-
-    Examples
-    --------
-    >>> sine = np.sin(2 * np.pi * np.arange(100) / 100)
-    >>> signal_statistics(sine, ["rms", "crest_factor", "kurtosis"]).round(3).tolist()
-    [0.707, 1.414, 1.5]
-    """
-    x = check_real_array(signal, "signal")
-    return np.stack([STATISTICS[name](x) for name in statistics], axis=-1)
+        signals = [stroke.signal for stroke in strokes]
+        turns = [stroke.travel / (2 * np.pi) for stroke in strokes]
+        pooled = np.concatenate(signals)
+        return [
+            common_slope(signals, turns) if name == "slope" else STATISTICS[name](pooled)
+            for name in self.statistics
+        ]
 
 
 def common_slope(signals: Sequence[ArrayLike], turns: Sequence[ArrayLike]) -> float:
@@ -269,29 +163,16 @@ def common_slope(signals: Sequence[ArrayLike], turns: Sequence[ArrayLike]) -> fl
     return products / squares
 
 
-def check_statistics(names: Any, parameter: str, known: Sequence[str]) -> tuple[str, ...]:
-    """Return names of statistics as a tuple: known, and each once."""
-    if isinstance(names, str) or not isinstance(names, Sequence | np.ndarray):
-        raise TypeError(f"{parameter} must be a list of names such as ['rms'], got {names!r}.")
-    chosen = tuple(names)
-    for name in chosen:
-        if name not in known:
-            raise ValueError(f"{parameter} must be some of {list(known)}; got {name!r}.")
-    if not chosen or len(set(chosen)) < len(chosen):
-        raise ValueError(f"{parameter} must contain each name once, got {list(chosen)}.")
-    return chosen
-
-
 def _rms(x: Array) -> Array:
-    return np.sqrt(np.mean(np.square(x, dtype=np.float64), axis=-1))
+    return np.sqrt(np.mean(np.square(x, dtype=np.float64)))
 
 
 def _peak(x: Array) -> Array:
-    return np.abs(x).max(axis=-1)
+    return np.abs(x).max()
 
 
 def _crest_factor(x: Array) -> Array:
-    if not np.all(_peak(x) > 0):
+    if not _peak(x) > 0:
         raise ValueError(
             "the crest factor of a signal of zeros is undefined. Leave 'crest_factor' or the "
             "channel out."
@@ -299,23 +180,43 @@ def _crest_factor(x: Array) -> Array:
     return _peak(x) / _rms(x)
 
 
-def _moment(x: Array, name: str, power: int) -> Array:
+def _moment(x: Array, name: str, power: int) -> float:
     """Return a central moment of the standardised signal; that of a constant is an error."""
     # Samples of a constant signal differ by eight rounding errors at most.
-    if np.any(np.ptp(x, axis=-1) <= 8 * np.finfo(x.dtype).eps * _peak(x)):
+    if np.ptp(x) <= 8 * np.finfo(x.dtype).eps * _peak(x):
         raise ValueError(
             f"the {name} of a constant signal is undefined. Leave {name!r} or the channel out."
         )
-    centred = x - x.mean(axis=-1, keepdims=True, dtype=np.float64)
-    return np.mean((centred / _rms(centred)[..., np.newaxis]) ** power, axis=-1)
+    return normalized_moment(x, power)
+
+
+def normalized_moment(signal: Array, order: int, *, least: float = 0.0) -> float:
+    """Return a central moment over that power of the standard deviation, which is at least `least`.
+
+    Of order 4 it is the kurtosis. Applied to the difference signal of a gear, which is noise
+    without a fault, 4 gives FM4 and 6 gives M6A [1]_: 3 and 15 then.
+
+    References
+    ----------
+    .. [1] Martin, Statistical moment analysis as a means of surface damage detection, Proc. 7th
+       International Modal Analysis Conference (IMAC), pp. 1016-1021 (1989).
+
+    Examples
+    --------
+    >>> normalized_moment(np.array([1.0, -1.0, 1.0, -1.0]), 4)
+    1.0
+    """
+    values = np.asarray(signal, dtype=np.float64)
+    centred = values - values.mean()
+    return float(np.mean((centred / max(_rms(centred), least)) ** order))
 
 
 STATISTICS: dict[str, Callable[..., Any]] = {
-    "mean": partial(np.mean, axis=-1, dtype=np.float64),
+    "mean": partial(np.mean, dtype=np.float64),
     "rms": _rms,
-    "std": partial(np.std, axis=-1, dtype=np.float64),
+    "std": partial(np.std, dtype=np.float64),
     "peak": _peak,
-    "peak_to_peak": partial(np.ptp, axis=-1),
+    "peak_to_peak": np.ptp,
     "crest_factor": _crest_factor,
     "kurtosis": partial(_moment, name="kurtosis", power=4),
     "skewness": partial(_moment, name="skewness", power=3),

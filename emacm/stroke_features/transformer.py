@@ -1,8 +1,7 @@
 """Base class of the estimators that compute named feature columns from strokes.
 
 A column is named ``channel+:feature`` for forward strokes, ``channel-:feature`` for reverse ones,
-``channel:feature`` for both together, and ``channel+:section:feature`` for a section of the
-strokes. Orders and bins have other names, ``channel@...``.
+``channel:feature`` for both together. Orders and bins have other names, ``channel@...``.
 """
 
 from __future__ import annotations
@@ -29,7 +28,9 @@ from emacm.recordings.inputs import (
 )
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
+from emacm.resampling.quality import forward_share
 from emacm.resampling.training_range import Range, Statement, direction_statements
+from emacm.shaft.motion import ShaftPath
 
 Samples = NDArray[np.floating]
 
@@ -47,15 +48,12 @@ class StrokeSignal(NamedTuple):
         Shaft angle at the start of the stroke [rad].
     direction : {1, -1, 0}
         Forward, reverse, or 0 where both were joined ("travel").
-    fs : float or None
-        Sampling rate [Hz]; None over the shaft angle.
     """
 
     signal: Samples
     travel: Samples
     start_angle: float
     direction: int
-    fs: float | None
 
     @property
     def angle(self) -> Samples:
@@ -65,78 +63,6 @@ class StrokeSignal(NamedTuple):
     def cut(self, samples: slice) -> StrokeSignal:
         """Return some of the samples, at unchanged angles."""
         return self._replace(signal=self.signal[samples], travel=self.travel[samples])
-
-
-class StrokeSignals(NamedTuple):
-    """Signals of a recording in each stroke and at rest.
-
-    Attributes
-    ----------
-    strokes : list of list of StrokeSignal
-        Strokes in order of time, for each channel.
-    rest : list of ndarray, or None
-        Samples that belong to no stroke, for each channel; None over the shaft angle, where
-        there are no such samples.
-    """
-
-    strokes: list[list[StrokeSignal]]
-    rest: list[Samples] | None
-
-
-def cut_into_strokes(
-    recording: Recording | AngleRecording,
-    channels: Sequence[str],
-    *,
-    min_speed: float = 0.0,
-    min_revolutions: float = 0.0,
-) -> StrokeSignals:
-    """Cut channels of a recording into its strokes.
-
-    Parameters
-    ----------
-    recording : Recording or AngleRecording
-        A recording over time is cut at the ends of its strokes, without resampling.
-        One over the shaft angle is resampled in this call.
-    channels : sequence of str
-        Names of the channels.
-    min_speed : float
-        Speed up to which the shaft counts as standing still [rad/s]; a recording over the angle
-        has its own value.
-    min_revolutions : float
-        Strokes shorter than this [revolutions] are ignored; over time they count as rest.
-
-    Returns
-    -------
-    StrokeSignals
-
-    Examples
-    --------
-    >>> run = Recording({"force": [0, 1, 2, 3, 4, 5]}, 1.0, velocity=[0.0, 1, 1, 0, -1, -1])
-    >>> strokes, rest = cut_into_strokes(run, ["force"])
-    >>> [(s.signal.tolist(), s.direction) for s in strokes[0]], rest[0].tolist()
-    ([([1.0, 2.0], 1), ([4.0, 5.0], -1)], [0.0, 3.0])
-    """
-    strokes: list[list[StrokeSignal]] = [[] for _ in channels]
-    if isinstance(recording, AngleRecording):
-        for stroke in (s for s in recording.strokes if s.revolutions >= min_revolutions):
-            signals, start = stroke.signals, stroke.start_angle  # resampled here, once
-            travel = recording.theta_s * np.arange(stroke.n_angles)
-            for found, name in zip(strokes, channels, strict=True):
-                signal = signals[recording.channels.index(name)]
-                found.append(StrokeSignal(signal, travel, start, stroke.direction, None))
-        return StrokeSignals(strokes, None)
-    paths = recording.paths(min_speed=min_speed)
-    rest = []
-    for found, name in zip(strokes, channels, strict=True):
-        signal, fs = recording.signals[name], recording.fs[name]
-        standing = np.ones(len(signal), dtype=bool)
-        for path in (p for p in paths if p.length >= min_revolutions * (2 * np.pi)):
-            first, last = path.sample_range(fs, len(signal))
-            standing[first:last] = False
-            travel, start = path.travel_at(fs, first, last), path.start_angle
-            found.append(StrokeSignal(signal[first:last], travel, start, path.direction, fs))
-        rest.append(signal[standing])
-    return StrokeSignals(strokes, rest)
 
 
 Row = Recording | AngleRecording
@@ -153,6 +79,7 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
     """
 
     by_direction_: bool
+    _needs_angle = False  # whether the features need the angle of the shaft, not only its travel
     _known_forward: Range | None
 
     def __init__(
@@ -195,16 +122,16 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         self.by_direction_ = self._separates_directions(rows)
         self._known_forward = None
         if not (self.by_direction_ or self._over_angle):
-            shares = [self._forward(row) for row in rows]
+            shares = [forward_share(self._strokes(row)) for row in rows]
             self._known_forward = min(shares), max(shares)
         self._check_rows(rows)
-        names = [":".join(key) for key in self._keys()]
-        if len(set(names)) < len(names):
-            raise ValueError(
-                f"channels {list(self.channels_)} give two columns the same name; rename "
-                f"those that end in '+' or '-' or contain a ':'."
-            )
-        self._columns_out = names
+        signs = WAYS if self.by_direction_ else ("",)
+        self._columns_out = [
+            f"{channel}{sign}:{name}"
+            for channel in self.channels_
+            for sign in signs
+            for name in self._feature_names()
+        ]
         return self
 
     def transform(self, X: Any) -> NDArray[np.float64]:
@@ -247,9 +174,9 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
             For each recording.
         """
         check_is_fitted(self)
-        if self._known_forward is None:
+        if (known := self._known_forward) is None:
             return [[] for _ in X]
-        return [direction_statements(self._forward(row), self._known_forward) for row in X]
+        return [direction_statements(forward_share(self._strokes(row)), known) for row in X]
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Return the names of the columns.
@@ -278,7 +205,7 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
     def _check_own_parameters(self) -> None:
         """Raise if a parameter of the subclass is invalid."""
 
-    def _feature_names(self) -> list[tuple[str, ...]]:
+    def _feature_names(self) -> list[str]:
         """Return the column names without the channel, for strokes of one direction."""
         raise NotImplementedError
 
@@ -290,48 +217,24 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         """Return the features of all recordings from the results of `_row`."""
         return table
 
-    def _rest_names(self) -> list[tuple[str, ...]]:
-        return []
-
-    def _rest_features(self, rest: NDArray[np.floating]) -> Any:
-        return []
-
     def _check_parameters(self) -> None:
         check_choice(self.by_direction, "by_direction", (True, False, "auto"))
         check_number(self.min_speed, "min_speed", at_least=0, unit="rad/s")
         check_number(self.min_revolutions, "min_revolutions", at_least=0)
         self._check_own_parameters()
 
-    def _turned(self, row: Row) -> list[tuple[int, float]]:
-        """Return direction and revolutions of the strokes that are not too short."""
+    def _strokes(self, row: Row) -> list[Any]:
+        """Return the strokes that are not too short; over time, the paths of the shaft."""
         if isinstance(row, AngleRecording):
-            turned = [(stroke.direction, stroke.revolutions) for stroke in row.strokes]
-        else:
-            paths = row.paths("strokes", self.min_speed)
-            turned = [(path.direction, path.length / (2 * np.pi)) for path in paths]
-        return [(direction, n) for direction, n in turned if n >= self.min_revolutions]
+            return [s for s in row.strokes if s.revolutions >= self.min_revolutions]
+        shortest = 2 * np.pi * self.min_revolutions
+        return [path for path in row.paths(min_speed=self.min_speed) if path.length >= shortest]
 
     def _separates_directions(self, rows: Sequence[Row]) -> bool:
         """Return whether directions are separate; "auto": if a recording has strokes of both."""
         if self.by_direction != "auto":
             return bool(self.by_direction)
-        return any({1, -1} <= {direction for direction, _ in self._turned(row)} for row in rows)
-
-    def _forward(self, row: Row) -> float:
-        """Return the fraction of the revolutions that is forward; NaN without strokes."""
-        turned = np.array(self._turned(row)).reshape(-1, 2)
-        return float(np.average(turned[:, 0] > 0, weights=turned[:, 1])) if len(turned) else np.nan
-
-    def _keys(self) -> list[tuple[str, ...]]:
-        signs = WAYS if self.by_direction_ else ("",)
-        return [
-            key
-            for channel in self.channels_
-            for key in (
-                *((channel + sign, *name) for sign in signs for name in self._feature_names()),
-                *((channel, *name) for name in self._rest_names()),
-            )
-        ]
+        return any({1, -1} <= {stroke.direction for stroke in self._strokes(row)} for row in rows)
 
     def _check_rows(self, rows: Sequence[Row]) -> None:
         """Raise if recordings differ from those of `fit`."""
@@ -350,10 +253,10 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         """Raise if a recording does not match the parameters."""
         if not isinstance(row, AngleRecording):
             return
-        if self.by_direction_ and row.direction == "travel":
+        if row.direction == "travel" and (self.by_direction_ or self._needs_angle):
             raise ValueError(
-                "by_direction needs strokes, but direction='travel' of OrderResampler joins both "
-                "directions. Use direction='strokes', or by_direction=False."
+                "it was resampled with direction='travel', which has no shaft angle and joins both "
+                "directions. Use direction='strokes'."
             )
         if self.min_speed not in (0, row.min_speed):
             raise ValueError(
@@ -362,35 +265,44 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
             )
 
     def _row(self, row: Row) -> NDArray[np.float64]:
-        with np.errstate(over="ignore", invalid="ignore"):
-            limits = {"min_speed": self.min_speed, "min_revolutions": self.min_revolutions}
-            signals = cut_into_strokes(row, self.channels_, **limits)
-            blocks = [
-                block for k in range(len(self.channels_)) for block in self._of_channel(signals, k)
-            ]
-            values = np.concatenate(blocks).astype(np.float64)
-            if not np.all(np.isfinite(values)):
-                column = self._columns_out[int(np.argmin(np.isfinite(values)))]
-                raise ValueError(
-                    f"{column!r} exceeds the range of floating-point numbers. Convert the channel "
-                    f"to another unit."
-                )
-            return values
+        blocks = []
+        channels = _cut(row, self.channels_, self._strokes(row))
+        for channel, strokes in zip(self.channels_, channels, strict=True):
+            for sign, way in WAYS.values() if self.by_direction_ else [(0, "")]:
+                kind = f"{way} stroke".strip()
+                chosen = [stroke for stroke in strokes if sign in (0, stroke.direction)]
+                if not chosen:
+                    raise ValueError(
+                        f"it has no {kind} of two samples and {self.min_revolutions:g} "
+                        f"revolutions. Leave it out, check min_speed, ratio, min_revolutions and "
+                        f"the shaft reference, or use by_direction=False."
+                    )
+                with located(f"channel {channel!r}, {kind}s"):
+                    blocks.append(self._features(chosen))
+        return np.concatenate(blocks).astype(np.float64)
 
-    def _of_channel(self, signals: StrokeSignals, number: int) -> list[Any]:
-        channel, blocks = self.channels_[number], []
-        for sign, way in WAYS.values() if self.by_direction_ else [(0, "")]:
-            kind = f"{way} stroke".strip()
-            strokes = [s for s in signals.strokes[number] if sign in (0, s.direction)]
-            if not strokes:
-                raise ValueError(
-                    f"it has no {kind} of two samples and {self.min_revolutions:g} revolutions. "
-                    f"Leave it out, check min_speed, min_revolutions and the shaft reference, or "
-                    f"use by_direction=False."
-                )
-            with located(f"channel {channel!r}, {kind}s"):
-                blocks.append(self._features(strokes))
-        if signals.rest is not None:
-            with located(f"channel {channel!r}, at rest"):
-                blocks.append(self._rest_features(signals.rest[number]))
-        return blocks
+
+def _cut(row: Row, channels: Sequence[str], strokes: Sequence[Any]) -> list[list[StrokeSignal]]:
+    """Return the signals of each channel in the strokes of a recording.
+
+    Over time, samples are cut at the ends of strokes, without resampling; over the shaft angle,
+    the strokes are resampled in this call.
+    """
+    found: list[list[StrokeSignal]] = [[] for _ in channels]
+    if isinstance(row, AngleRecording):
+        for stroke in strokes:
+            signals, travel = stroke.signals, row.theta_s * np.arange(stroke.n_angles)
+            for name, cut in zip(channels, found, strict=True):
+                signal = signals[row.channels.index(name)]
+                cut.append(StrokeSignal(signal, travel, stroke.start_angle, stroke.direction))
+        return found
+    for name, cut in zip(channels, found, strict=True):
+        signal, fs = row.signals[name], row.fs[name]  # read once, also from a file
+        cut += [_of_path(path, signal, fs) for path in strokes]
+    return found
+
+
+def _of_path(path: ShaftPath, signal: Samples, fs: float) -> StrokeSignal:
+    first, last = path.sample_range(fs, len(signal))
+    travel = path.travel_at(fs, first, last)
+    return StrokeSignal(signal[first:last], travel, path.start_angle, path.direction)

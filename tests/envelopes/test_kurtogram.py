@@ -35,8 +35,8 @@ def struck(frequency, *, period=701, n_times=200_000, decay=25):
 
 
 def test_gaussian_noise_has_none_in_any_band():
-    found = kurtogram(noise(), FS, levels=4)
-    for kurtosis in found.kurtosis:
+    found = kurtogram(noise(), FS)
+    for kurtosis in found.kurtosis[:4]:  # narrower bands have fewer values
         assert np.abs(kurtosis.mean()) < 0.03
         assert np.abs(kurtosis).max() < 0.3
     _, kurtosis = spectral_kurtosis(noise(), FS, n_per_segment=128)
@@ -63,7 +63,7 @@ def test_impacts_are_found_in_the_band_of_their_resonance(frequency):
 
 def test_it_is_the_kurtosis_of_the_signal_in_each_band():
     signal = struck(2000, n_times=1500) + 0.1 * noise(1500)
-    found = kurtogram(signal, FS, levels=2)
+    found = kurtogram(signal, FS)
     for width, centres, kurtosis in zip(found.widths, found.centres, found.kurtosis, strict=True):
         n_bands = round(FS / width)
         taps = filters.firwin(8 * n_bands, 0.5, fs=n_bands)
@@ -146,18 +146,15 @@ def test_it_works_after_prewhitening():
 
 
 @pytest.mark.parametrize(
-    ("signal", "options", "error", "match"),
+    ("signal", "error", "match"),
     [
-        (noise(100), {}, ValueError, "100 samples; a kurtogram needs at least 320"),
-        (noise(1000), {"levels": 9}, ValueError, "1000 samples; a kurtogram needs"),
-        (noise(1000), {"levels": 10}, ValueError, "levels"),
-        (noise(127), {"levels": 1}, ValueError, "127 samples"),
-        (noise(1000).reshape(2, -1), {}, ValueError, "one-dimensional"),
-        (np.zeros(5000), {}, ValueError, "no power at some frequencies"),
-        (["a"], {}, (TypeError, ValueError), "signal"),
-        (np.full(5000, np.nan), {}, ValueError, "signal must be finite, got nan at sample 0"),
+        (noise(100), ValueError, "100 samples; a kurtogram needs at least 320"),
+        (noise(1000).reshape(2, -1), ValueError, "one-dimensional"),
+        (np.zeros(5000), ValueError, "no power at some frequencies"),
+        (["a"], (TypeError, ValueError), "signal"),
+        (np.full(5000, np.nan), ValueError, "signal must be finite, got nan at sample 0"),
     ],
 )
-def test_what_has_no_kurtogram_is_refused(signal, options, error, match):
+def test_what_has_no_kurtogram_is_refused(signal, error, match):
     with pytest.raises(error, match=match):
-        kurtogram(signal, FS, **options)
+        kurtogram(signal, FS)

@@ -80,7 +80,7 @@ def test_a_recording_in_a_file_equals_the_one_in_memory(path):
 
 
 def test_envelopes_are_equal_bit_by_bit_and_stay_in_the_file(path):
-    envelopes = EnvelopeDetector({"vibration": (200, 500)})
+    envelopes = EnvelopeDetector((200, 500), channels=["vibration"])
     opened = envelopes.fit_transform([open_recording(path, LAYOUT)])[0]
     assert opened.digest == envelopes.transform([in_memory()])[0].digest
     assert len(pickle.dumps(opened)) < 1000

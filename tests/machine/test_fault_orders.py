@@ -161,12 +161,11 @@ def helical_rolling(ball, lead, contact_angle):
 @given(ball=st.floats(0.05, 0.3), lead=st.floats(0.02, 1.5), angle=st.floats(0, 1.2))
 def test_the_balls_of_a_screw_roll_without_slip(ball, lead, angle):
     orbit, spin = helical_rolling(ball, lead, angle)
-    found = orders(BallScrew(9, ball, 1.0, lead, angle, circuit_balls=30))
+    found = orders(BallScrew(9, ball, 1.0, lead, angle))
     assert found["orbit"] == pytest.approx(orbit)
     assert found["nut race"] == pytest.approx(9 * orbit)
     assert found["thread"] == pytest.approx(9 * (1 - orbit))
     assert found["spin"] == pytest.approx(spin)
-    assert found["circuit"] == pytest.approx(9 * orbit / 30)
 
 
 @pytest.mark.parametrize(("driven", "ring"), [("screw", "inner"), ("nut", "outer")])
@@ -194,7 +193,7 @@ def test_the_race_of_the_rotating_part_of_a_screw_is_modulated_and_the_other_is_
 
 def test_every_line_names_its_component_and_its_part():
     parts = (Bearing(9, 7.94, 39.04, name="rear"), Motor(4, 9), Gear(8, 42))
-    parts += (BallScrew(17, 3.175, 20, 5, circuit_balls=60), {"belt": 0.7})
+    parts += (BallScrew(17, 3.175, 20, 5), {"belt": 0.7})
     table = fault_orders(*parts)
     assert table["kind"].to_dict() == {
         "rear BPFO": "outer ring",
@@ -216,10 +215,9 @@ def test_every_line_names_its_component_and_its_part():
         "spin": "ball",
         "2xspin": "ball",
         "orbit": "balls",
-        "circuit": "recirculation",
         "belt": "given",
     }
-    owners = ["rear"] * 5 + ["Motor"] * 3 + ["Gear"] * 5 + ["BallScrew"] * 7 + ["given"]
+    owners = ["rear"] * 5 + ["Motor"] * 3 + ["Gear"] * 5 + ["BallScrew"] * 6 + ["given"]
     assert table["part"].tolist() == owners
     assert table.columns.tolist() == ["order", "part", "kind", "harmonic", "sideband", "slips"]
 
@@ -241,7 +239,7 @@ def test_lines_in_the_current_lie_beside_the_supply_and_the_supply_itself_is_kep
 
 
 def test_the_lines_of_rolling_elements_slip_and_those_of_shafts_do_not():
-    table = fault_orders(Bearing(9, 7.94, 39.04), BallScrew(17, 3.175, 20, 5, circuit_balls=60))
+    table = fault_orders(Bearing(9, 7.94, 39.04), BallScrew(17, 3.175, 20, 5))
     assert table.index[~table["slips"]].tolist() == ["screw"]
     assert not fault_orders(Gear(8, 42), Motor(4, 9))["slips"].any()
     assert fault_orders({"BPFI": 6.123})["slips"].all()

@@ -97,7 +97,7 @@ MODELS = {
         FeatureBaseline(make_pipeline(*SPECTRA), condition=("unit", "load")), BAYES
     ),
     "recipe": actuator_recipe(max_order=4, cost=COSTS["mapping"]),
-    "envelope": make_pipeline(EnvelopeDetector({"vib": (50, 100)}), *SPECTRA, BAYES),
+    "envelope": make_pipeline(EnvelopeDetector((50, 100), channels=["vib"]), *SPECTRA, BAYES),
     "new units": make_pipeline(*SPECTRA, NewUnitClassifier(COSTS["mapping"])),
     "gear": make_pipeline(ANGLES, GearIndicators(5), BAYES),
     "synchronous average": make_pipeline(ANGLES, SynchronousAverage(), *SPECTRA[1:], BAYES),

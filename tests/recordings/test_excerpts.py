@@ -103,7 +103,7 @@ def test_impossible_parts_are_refused(start, stop):
 
 def test_a_part_of_an_envelope_is_that_of_the_envelope():
     recording = Recording({"b": RNG.normal(size=3000)}, 1000, velocity=20.0)
-    envelope = EnvelopeDetector({"b": (100, 300)}).fit_transform([recording])[0]
+    envelope = EnvelopeDetector((100, 300), channels=["b"]).fit_transform([recording])[0]
     part = envelope.cut(1.0, 2.0)
     whole = envelope.signals["b"]  # filtered in other blocks
     np.testing.assert_allclose(part.signals["b"], whole[1000:2000], rtol=0, atol=1e-12)

@@ -70,7 +70,7 @@ def test_a_ball_is_loaded_at_the_order_of_the_cage():
 @pytest.mark.parametrize(
     ("faults", "error", "message"),
     [
-        ("rust", ValueError, "a fault must be one of 'inner ring', .*; got 'rust'"),
+        ({"rust": 0.5}, ValueError, "a fault must be one of 'inner ring', .*; got 'rust'"),
         ({"ball": 1.1}, ValueError, "severity of 'ball' .* got 1.1"),
         ({"ball": "bad"}, TypeError, "severity of 'ball' .* got 'bad'"),
         (["ball"], TypeError, r"faults must be .*, got \['ball'\]"),

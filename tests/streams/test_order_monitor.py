@@ -568,7 +568,10 @@ def test_speeds_of_all_strokes_are_compared_with_the_training():
 @pytest.mark.parametrize(
     ("steps", "message"),
     [
-        ([EnvelopeDetector({"force": (300, 700)}), *chain()], "first step.*EnvelopeDetector"),
+        (
+            [EnvelopeDetector((300, 700), channels=["force"]), *chain()],
+            "first step.*EnvelopeDetector",
+        ),
         ([OrderResampler(), RecordingStatistics()], "second step.*OrderPSD, got RecordingStat"),
         (chain(antialias=False), "antialias=False"),
         (chain(direction="travel"), "direction='travel'"),

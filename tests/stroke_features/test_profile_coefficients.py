@@ -6,19 +6,17 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from emacm.stroke_features.profile import cosine_coefficients, segment_means, stroke_positions
+from emacm.stroke_features.profile import cosine_coefficients, stroke_positions
 
 RNG = np.random.default_rng(0)
 UNEVEN = np.concatenate([[0.0], np.sort(RNG.uniform(size=30)), [1.0]])
 WALK = np.cumsum(RNG.normal(size=32))
-KINDS = [cosine_coefficients, segment_means]
 
 
 def test_a_constant_is_its_mean_and_nothing_else():
     np.testing.assert_allclose(
         cosine_coefficients(UNEVEN, np.full(32, 2.5), 5), [2.5, 0, 0, 0, 0], atol=1e-15
     )
-    np.testing.assert_allclose(segment_means(UNEVEN, np.full(32, 2.5), 5), 2.5)
 
 
 def test_the_cosines_of_a_ramp_are_known():
@@ -26,12 +24,6 @@ def test_the_cosines_of_a_ramp_are_known():
     known = np.where(k % 2, -2 * np.sqrt(2) / (np.pi * k) ** 2, 0)
     found = cosine_coefficients(UNEVEN, UNEVEN, 9)
     np.testing.assert_allclose(found, [0.5, *known], atol=1e-15)
-
-
-@pytest.mark.parametrize("n_segments", [1, 2, 7, 100])
-def test_the_segments_of_a_ramp_are_its_values_in_their_middles(n_segments):
-    middles = (np.arange(n_segments) + 0.5) / n_segments
-    np.testing.assert_allclose(segment_means(UNEVEN, UNEVEN, n_segments), middles, rtol=1e-12)
 
 
 @pytest.mark.parametrize("k", [0, 1, 2, 5])
@@ -44,15 +36,6 @@ def test_coefficients_are_integrals_over_the_position(k):
     assert cosine_coefficients(UNEVEN, WALK, k + 1)[k] == pytest.approx(known, abs=1e-12)
 
 
-@pytest.mark.parametrize("segment", [0, 1, 2])
-def test_segment_means_are_integrals_over_the_segments(segment):
-    low, high = segment / 3, (segment + 1) / 3
-    inside = (low < UNEVEN) & (high > UNEVEN)
-    breaks = [low, *UNEVEN[inside], high]
-    known = sum(quad(np.interp, a, b, (UNEVEN, WALK))[0] for a, b in itertools.pairwise(breaks))
-    assert segment_means(UNEVEN, WALK, 3)[segment] == pytest.approx(3 * known, abs=1e-12)
-
-
 def test_the_squares_of_all_coefficients_add_up_to_the_mean_square():
     width = np.diff(UNEVEN)
     a, b = WALK[:-1], WALK[1:]
@@ -63,30 +46,22 @@ def test_the_squares_of_all_coefficients_add_up_to_the_mean_square():
     assert np.sum(found[:10] ** 2) < mean_square
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_samples_in_between_on_the_line_change_nothing(kind):
+def test_samples_in_between_on_the_line_change_nothing():
     more = np.sort(np.concatenate([UNEVEN, RNG.uniform(size=50)]))
-    found = kind(more, np.interp(more, UNEVEN, WALK), 6)
-    np.testing.assert_allclose(found, kind(UNEVEN, WALK, 6), atol=1e-13)
+    found = cosine_coefficients(more, np.interp(more, UNEVEN, WALK), 6)
+    np.testing.assert_allclose(found, cosine_coefficients(UNEVEN, WALK, 6), atol=1e-13)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_standstill_in_the_stroke_weighs_nothing(kind):
+def test_a_standstill_in_the_stroke_weighs_nothing():
     p = np.array([0.0, 0.5, 0.5, 0.5, 1.0])
-    found = kind(p, np.array([0.0, 0.5, 70.0, 0.5, 1.0]), 6)
-    np.testing.assert_allclose(found, kind([0, 1], [0, 1], 6), atol=1e-13)
+    found = cosine_coefficients(p, np.array([0.0, 0.5, 70.0, 0.5, 1.0]), 6)
+    np.testing.assert_allclose(found, cosine_coefficients([0, 1], [0, 1], 6), atol=1e-13)
 
 
 def test_a_stroke_run_backwards_turns_the_sign_of_odd_cosines():
     forth = cosine_coefficients(UNEVEN, WALK, 6)
     back = cosine_coefficients(1 - UNEVEN[::-1], WALK[::-1], 6)
     np.testing.assert_allclose(back, forth * [1, -1, 1, -1, 1, -1], atol=1e-13)
-
-
-def test_segments_add_up_to_the_mean():
-    assert np.mean(segment_means(UNEVEN, WALK, 13)) == pytest.approx(
-        cosine_coefficients(UNEVEN, WALK, 1)[0], rel=1e-12
-    )
 
 
 def test_positions_run_from_zero_to_one():

@@ -28,22 +28,6 @@ def test_forward_and_reverse_strokes_have_levels_of_their_own():
     assert found["current-:peak"] == pytest.approx(1)
 
 
-def test_the_columns_run_by_channel_direction_part_and_statistic():
-    levels = RecordingStatistics(("rms", "slope"), sections=("stop", "stroke", "rest"))
-    recording = Recording({"a": SPEED, "b": SPEED}, FS, angle=ANGLE)
-    names = levels.set_params(section_statistics=("peak",)).fit([recording]).get_feature_names_out()
-    assert list(names[:7]) == [
-        "a+:stop:peak",
-        "a+:rms",
-        "a+:slope",
-        "a-:stop:peak",
-        "a-:rms",
-        "a-:slope",
-        "a:rest:peak",
-    ]
-    assert [name.replace("b", "a") for name in names[7:]] == list(names[:7])
-
-
 def test_a_tone_has_the_levels_of_a_sine_in_both_directions():
     # 40 rad/s over a second hold 6.37 revolutions; order 2 pi / 40 k has whole cycles in it.
     found = described(3 * np.sin(TURN * 5 * np.arange(5 * FS) / FS), min_speed=30)
@@ -109,60 +93,6 @@ def test_scale_and_offset_act_on_levels_as_they_must(scale, offset):
     np.testing.assert_allclose(after, before * factor + added, rtol=1e-7, atol=1e-9)
 
 
-def transients():
-    """Current that peaks in the first and last 50 ms of each stroke, and hums at rest."""
-    signal = np.where(SPEED == 0, 0.5, 1.0)
-    for start in (1000, 3000):
-        signal[start : start + 50] = 9
-        signal[start + 950 : start + 1000] = -4
-    return signal
-
-
-def test_start_stop_and_rest_are_seen_by_themselves():
-    # A velocity tells to the sample where a stroke starts and stops.
-    X = [Recording({"current": transients()}, FS, velocity=SPEED)]
-    levels = RecordingStatistics(
-        ("mean",), sections=("stroke", "start", "stop", "rest"), transient=0.05
-    ).set_output(transform="pandas")
-    found = levels.fit_transform(X).iloc[0]
-    for way in "+-":
-        assert found[f"current{way}:mean"] == pytest.approx((50 * 9 - 50 * 4 + 900) / 1000)
-        assert found[f"current{way}:start:mean"] == pytest.approx(9)
-        assert found[f"current{way}:start:peak"] == pytest.approx(9)
-        assert found[f"current{way}:stop:mean"] == pytest.approx(-4)
-        assert found[f"current{way}:stop:rms"] == pytest.approx(4)
-    assert found["current:rest:mean"] == pytest.approx(0.5)
-    assert found["current:rest:peak"] == pytest.approx(0.5)
-
-
-def test_rest_is_what_belongs_to_no_stroke_at_the_rate_of_each_channel():
-    fast = np.repeat(np.where(SPEED == 0, 7.0, 0.0), 4)
-    X = [
-        Recording(
-            {"slow": fast[::4], "fast": fast},
-            {"slow": FS, "fast": 4 * FS},
-            velocity=SPEED,
-            shaft_fs=FS,
-        )
-    ]
-    levels = RecordingStatistics(
-        ("mean",), sections=("rest",), section_statistics=("mean",), by_direction=False
-    )
-    # Of the fast channel, the samples between the last of a stroke and the first at rest.
-    np.testing.assert_allclose(levels.fit_transform(X)[0], [7, 7], rtol=0.003)
-
-
-def test_a_stroke_that_is_passed_over_belongs_to_rest():
-    speed = np.repeat([0.0, 40.0, 0.0, -1.0, 0.0], FS)
-    X = [Recording({"current": np.where(speed < 0, 9.0, speed / 40)}, FS, velocity=speed)]
-    levels = RecordingStatistics(
-        ("mean",), sections=("stroke", "rest"), by_direction=False, min_revolutions=1
-    )
-    found = levels.fit_transform(X)[0]
-    assert found[0] == pytest.approx(1)
-    np.testing.assert_allclose(found[1:], [9 / 4, 9 / 2, 9])
-
-
 def test_a_constant_channel_is_named_with_its_strokes():
     with pytest.raises(
         ValueError,
@@ -171,35 +101,12 @@ def test_a_constant_channel_is_named_with_its_strokes():
         described(np.full(SPEED.size, 2.0))
 
 
-def test_a_shaft_that_never_stands_has_no_rest():
-    X = [Recording({"current": np.arange(100.0)}, FS, velocity=np.full(100, 5.0))]
-    levels = RecordingStatistics(sections=("stroke", "rest"), by_direction=False)
-    with pytest.raises(ValueError, match=r"channel 'current', at rest: the shaft never stands"):
-        levels.fit_transform(X)
-
-
-def test_parts_need_the_time():
-    over_angle = OrderResampler(TURN / 32).fit_transform(
-        [Recording({"current": SPEED}, FS, angle=ANGLE)]
-    )
-    with pytest.raises(ValueError, match=r"sections = \['stroke', 'rest'\] need recordings over"):
-        RecordingStatistics(sections=["stroke", "rest"]).fit(over_angle)
-
-
 @pytest.mark.parametrize(
     ("parameters", "error", "message"),
     [
         ({"statistics": "rms"}, TypeError, "statistics must be a list of names"),
-        ({"statistics": ("median",)}, ValueError, "must be some of .*; got 'median'"),
-        ({"section_statistics": ("median",)}, ValueError, "section_statistics must be some of"),
-        ({"sections": ("middle",)}, ValueError, "sections must be some of .*; got 'middle'"),
-        ({"sections": ()}, ValueError, "sections must contain each name once"),
-        ({"transient": 0}, ValueError, "transient must be a number of s, above 0, got 0"),
-        (
-            {"sections": ("rest",), "section_statistics": ("slope",)},
-            ValueError,
-            "at rest there are no revolutions",
-        ),
+        ({"statistics": ("median",)}, ValueError, "a statistic must be one of .*; got 'median'"),
+        ({"statistics": ()}, ValueError, "statistics must contain each name once"),
     ],
 )
 def test_wrong_parameters_are_refused(parameters, error, message):

@@ -25,14 +25,11 @@ THETA_S = TURN / 32
 KINDS = [
     RecordingStatistics(),
     StrokeProfile(5),
-    StrokeProfile(3, basis="mean"),
     ShaftHarmonics((1, 2.5)),
     ShaftHarmonics((1,), phase=None, n_sections=2),
     ShaftHarmonics((1, 2), phase="relative", n_sections=2),
 ]
-KINDS_OVER_TIME = [*KINDS, RecordingStatistics(sections=("start", "stroke", "stop", "rest"))]
 kinds = pytest.mark.parametrize("kind", KINDS, ids=lambda kind: str(kind))
-kinds_over_time = pytest.mark.parametrize("kind", KINDS_OVER_TIME, ids=lambda kind: str(kind))
 
 
 def run(seed, worn=False, seconds=4, velocity=None):
@@ -69,7 +66,7 @@ def forward_only():
     return run(99, velocity=np.full(2000, 30.0))
 
 
-@kinds_over_time
+@kinds
 def test_each_recording_is_a_row_and_each_column_has_one_name(kind):
     table = clone(kind).fit_transform(FLEET)
     names = clone(kind).fit(FLEET).get_feature_names_out()
@@ -78,18 +75,16 @@ def test_each_recording_is_a_row_and_each_column_has_one_name(kind):
     assert np.isfinite(table).all()
 
 
-@kinds_over_time
+@kinds
 def test_pandas_output_has_the_names_and_the_same_numbers(kind):
     frame = clone(kind).set_output(transform="pandas").fit_transform(FLEET)
     assert list(frame.columns) == list(clone(kind).fit(FLEET).get_feature_names_out())
     np.testing.assert_array_equal(frame.to_numpy(), clone(kind).fit_transform(FLEET))
 
 
-@kinds_over_time
+@kinds
 @pytest.mark.parametrize("resampled", [False, True])
 def test_each_column_contains_the_channel_and_the_direction_of_its_name(kind, resampled):
-    if resampled and "rest" in getattr(kind, "sections", ()):
-        pytest.skip("rest has no shaft angle")
     X = over_angle(FLEET, min_speed=10) if resampled else FLEET
     both = clone(kind).set_params(channels=["position", "current"])
     both.set_output(transform="pandas")
@@ -114,13 +109,13 @@ def test_each_column_contains_the_channel_and_the_direction_of_its_name(kind, re
         np.testing.assert_allclose(turned[other], sign * table[name], rtol=1e-6, atol=1e-6)
 
 
-@kinds_over_time
+@kinds
 def test_a_recording_does_not_depend_on_the_others(kind):
     fitted = clone(kind).fit(FLEET[:2])
     np.testing.assert_array_equal(fitted.transform([FLEET[5]])[0], fitted.transform(FLEET)[5])
 
 
-@kinds_over_time
+@kinds
 def test_without_directions_no_column_has_a_sign(kind):
     names = clone(kind).set_params(by_direction=False).fit(FLEET).get_feature_names_out()
     assert {name.partition(":")[0] for name in names} == {"current", "position"}
@@ -155,7 +150,7 @@ def union():
     return FeatureUnion(
         [
             ("bins", bins),
-            ("levels", RecordingStatistics(min_speed=10, sections=("stroke", "start", "rest"))),
+            ("levels", RecordingStatistics(min_speed=10)),
             ("profile", StrokeProfile(3, min_speed=10)),
             ("lines", make_pipeline(OrderResampler(THETA_S, min_speed=10), ShaftHarmonics())),
         ]
@@ -294,8 +289,6 @@ def test_strokes_shorter_than_min_revolutions_are_passed_over(kind):
 @kinds
 @pytest.mark.parametrize("resampled", [False, True])
 def test_directions_are_separated_where_there_are_both(kind, resampled):
-    if resampled and "rest" in getattr(kind, "sections", ()):
-        pytest.skip("resampled recordings have no rest")
     both, one = ([FLEET[0]], [forward_only()])
     if resampled:
         both, one = over_angle(both), over_angle(one)
@@ -305,13 +298,3 @@ def test_directions_are_separated_where_there_are_both(kind, resampled):
     assert not together.by_direction_
     expected = clone(kind).set_params(by_direction=False).fit_transform(one)
     np.testing.assert_array_equal(together.transform(one), expected)
-
-
-@kinds
-def test_channels_whose_columns_would_have_one_name_are_refused(kind):
-    signals = dict.fromkeys(["a", "a:rest"], FLEET[0].signals["current"])
-    recording = Recording(signals, 500, angle=FLEET[0].angle)
-    clone(kind).fit([recording])
-    levels = RecordingStatistics(("rms",), by_direction=False, sections=("stroke", "rest"))
-    with pytest.raises(ValueError, match="give two columns the same name"):
-        levels.fit([recording])

@@ -1,13 +1,12 @@
 """Chapter 4 on the bench: its procedure, its tables, and the orders of its decisions."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy import signal as filters
 from scipy.integrate import trapezoid
 
 from chapter4 import PUBLISHED, reproduce_chapter4
-from chapter4_spectra import CROSS, READINGS, SIGNALS, pair, run_campaign
+from chapter4_spectra import READINGS, SIGNALS, pair, run_campaign
 from chapter4_study import (
     FUSED,
     OUTCOMES,
@@ -154,18 +153,6 @@ def test_every_kind_of_picture_is_drawn_of_one_condition_and_has_a_caption(chapt
     names |= {"Figs. 4.65-4.68", "Figs. 4.69-4.72"}
     assert set(chapter.figures) == names
     assert all(caption for _, caption in chapter.figures.values())
-
-
-def test_no_classifier_sees_a_command():
-    benches = (thesis_benches(seed=3, duration=0.5, commands=c) for c in (True, False))
-    kept, plain = (run_campaign(pair, n_runs=1, keep=True) for pair in benches)
-    assert "load_command" in kept.kept[0].channels
-    assert set(kept.spectra["thesis"]) == {*SIGNALS, CROSS}
-    assert not any("command" in name for name in kept.spectra["thesis"][CROSS])
-    pd.testing.assert_frame_equal(
-        kept.spectra["thesis"]["lvdt"],
-        plain.spectra["thesis"]["lvdt"],
-    )
 
 
 def test_in_condition_1_the_housing_shakes_below_order_100_by_less_than_the_channel_s_noise():
