@@ -12,8 +12,7 @@ import pandas as pd
 
 from emacm._saved import written_whole
 from emacm.commands.inspect import contents_of, draft_layout
-from emacm.commands.paths import expanded
-from emacm.files.folder import open_recording
+from emacm.files.folder import open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.machine.rolling import bearing_of
 from emacm.models.find_faults import find_faults, healthy_scores
@@ -34,13 +33,13 @@ def run(options: argparse.Namespace) -> int:
         0; 1 if a fault is named; 3 if there is no answer for some of the files.
     """
     parts = parts_of_options(options)
-    layout = layout_of_options(options, expanded(options.paths, None, options.pattern)[0])
-    paths = expanded(options.paths, layout, options.pattern)
+    layout = layout_of_options(options, recording_files(options.paths, None, options.pattern)[0])
+    paths = recording_files(options.paths, layout, options.pattern)
     healthy = None
     if options.healthy is not None:
         known = [
             open_recording(path, layout)
-            for path in expanded([options.healthy], layout, options.pattern)
+            for path in recording_files([options.healthy], layout, options.pattern)
         ]
         healthy = healthy_scores(known, parts)
     rows: list[dict[str, Any]] = []

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from emacm._checks import located
 from emacm._saved import written_whole
-from emacm.commands.paths import expanded
 from emacm.files.file_columns import (
     FileColumns,
     rates_of_columns,
     stated_rates,
     without_signal,
 )
+from emacm.files.folder import recording_files
 from emacm.files.layout import Layout, meta_from_name
 from emacm.files.readers import read_columns
 from emacm.recordings.names import is_time_name, printable, unit_factor, unit_in_name
@@ -109,7 +109,7 @@ def run(options: argparse.Namespace) -> int:
     """
     paths, failed = [options.file], False
     if options.file.is_dir():
-        table = files_table(expanded(paths, None, options.pattern))
+        table = files_table(recording_files(paths, None, options.pattern))
         print(table.drop(columns=["path", "is_read"]).to_string(index=False), end="\n\n")
         paths = table.sort_values("is_read", ascending=False, kind="stable")["path"].tolist()
         failed = not table["is_read"].all()

@@ -17,11 +17,10 @@ from joblib import effective_n_jobs
 from sklearn.pipeline import Pipeline
 
 from emacm._saved import locked
-from emacm.commands.paths import expanded
 from emacm.commands.result_tables import HistoryTable, Row, columns_of, lines_of, result_table
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import final_estimator
-from emacm.files.folder import open_recording
+from emacm.files.folder import open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.history.records import identity, record_of, times_of
 from emacm.history.sqlite_history import is_history
@@ -47,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     check_model(model)
     set_costs(model, options.cost, options.priors)
     alarms = _alarms(model, options.fail_on)
-    expanded(options.paths, layout, options.pattern, may_be_empty=options.watch is not None)
+    recording_files(options.paths, layout, options.pattern, may_be_empty=options.watch is not None)
     with nullcontext() if options.out is None else locked(options.out.resolve()):
         work = _Work(model, layout, options)
         rows = work.once()
@@ -116,7 +115,7 @@ class _Work:
         """Yield the files but the table; with --watch, one changed just now may be incomplete."""
         now, table = time.time(), None if self._table is None else self._table.path
         options = self._options
-        for path in expanded(options.paths, self._layout, options.pattern, may_be_empty=True):
+        for path in recording_files(options.paths, self._layout, options.pattern, may_be_empty=True):
             written = path.stat().st_mtime if path.is_file() else 0.0
             is_settled = options.watch is None or abs(now - written) > settled
             if is_settled and path.resolve() != table:

@@ -19,10 +19,9 @@ from emacm.alarms.health_index import HealthIndex, health_trend
 from emacm.alarms.severity_zones import severity_zone, vibration_indicators
 from emacm.calibration.left_out import groups_needed
 from emacm.commands.find import parts_of_options
-from emacm.commands.paths import expanded
 from emacm.commands.train import extent, order_levels
 from emacm.envelopes.envelope_detector import EnvelopeDetector
-from emacm.files.folder import RecordingFolder, open_recording
+from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.models.recipes import bearing_recipe
 from emacm.recordings.meta import read_meta
@@ -109,7 +108,7 @@ def _from_files(options: argparse.Namespace, layout: Layout) -> Found:
         )
     if options.machine is not None:
         severity_zone(0.0, options.machine)  # an unknown class is refused before files are read
-    paths = expanded(options.paths, layout, options.pattern)
+    paths = recording_files(options.paths, layout, options.pattern)
     healthy = RecordingFolder(options.healthy, layout, options.pattern)
     groups = read_meta(healthy, options.groups, role="--groups")
     units = None if options.unit is None else read_meta(healthy, options.unit, role="--unit")

@@ -223,13 +223,9 @@ class FileSeries(LazySeries):
         self.bandwidth = float(getattr(series, "bandwidth", np.inf))
         self._recording, self._name = recording, name
 
-    def __getitem__(self, key: Any) -> Any:
-        """Return samples."""
-        return self._recording.content().series[self._name][key]
-
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return the samples `start` to `stop` (exclusive)."""
-        return self[start:stop]
+        return self._recording.content().series[self._name][start:stop]
 
     @property
     def sources(self) -> list[NDArray[Any]]:
@@ -370,12 +366,7 @@ class RecordingFolder(Sequence[Recording]):
         self.folder, self.layout, self.pattern = Path(folder).absolute(), layout, pattern
         if not self.folder.is_dir():
             raise FileNotFoundError(f"there is no folder {str(folder)!r}.")
-        self.paths = recording_files(self.folder, pattern, layout)
-        if not self.paths:
-            raise ValueError(
-                f"no file in {str(folder)!r} matches {pattern!r} and is of one of the types "
-                f"{sorted(READERS)}."
-            )
+        self.paths = recording_files([self.folder], layout, pattern)
         self._recordings = [open_recording(path, layout) for path in self.paths]
 
     def __len__(self) -> int:
@@ -392,12 +383,35 @@ class RecordingFolder(Sequence[Recording]):
 
 
 def recording_files(
-    folder: Path, pattern: str = "**/*", layout: Layout | None = None
+    paths: Sequence[Path],
+    layout: Layout | None = None,
+    pattern: str = "**/*",
+    *,
+    may_be_empty: bool = False,
 ) -> list[Path]:
-    """Return the files of a folder that can be recordings, sorted.
+    """Return files, and in place of folders the files in them that can be recordings, sorted.
 
-    They are of a known type, not hidden, and not second files of others by the layout.
+    These match the pattern, are of a known type, not hidden, and not second files, from which the
+    layout takes the motion of the shaft.
+
+    Raises
+    ------
+    ValueError
+        If a folder has no such file, unless it `may_be_empty`.
     """
+    found: list[Path] = []
+    for path in paths:
+        files = _files_in(path, layout or Layout(), pattern) if path.is_dir() else [path]
+        if not files and not may_be_empty:
+            raise ValueError(
+                f"the folder {str(path)!r} has no file that matches {pattern!r} and is of one of "
+                f"the types {sorted(READERS)}. Name other files, or another pattern."
+            )
+        found += files
+    return list(dict.fromkeys(found))
+
+
+def _files_in(folder: Path, layout: Layout, pattern: str) -> list[Path]:
     found = {
         path
         for path in folder.glob(pattern)
@@ -406,5 +420,5 @@ def recording_files(
     others: set[Path] = set()
     for path in found:
         with suppress(ValueError):  # of a name that the pattern of meta does not fit
-            others.update(() if layout is None else layout.files_of(path)[1:])
+            others.update(layout.files_of(path)[1:])
     return sorted(found - others)

@@ -184,7 +184,7 @@ def test_a_folder_is_a_sequence_of_recordings(folder):
 
 
 def test_a_folder_without_files_is_an_error(folder):
-    with pytest.raises(ValueError, match=r"no file in .* matches '\*.mat'"):
+    with pytest.raises(ValueError, match=r"no file that matches '\*.mat'"):
         RecordingFolder(folder.folder, LAYOUT, "*.mat")
     with pytest.raises(FileNotFoundError, match="there is no folder"):
         RecordingFolder(folder.folder / "none", LAYOUT)
