@@ -115,7 +115,9 @@ class _Work:
         """Yield the files but the table; with --watch, one changed just now may be incomplete."""
         now, table = time.time(), None if self._table is None else self._table.path
         options = self._options
-        for path in recording_files(options.paths, self._layout, options.pattern, may_be_empty=True):
+        for path in recording_files(
+            options.paths, self._layout, options.pattern, may_be_empty=True
+        ):
             written = path.stat().st_mtime if path.is_file() else 0.0
             is_settled = options.watch is None or abs(now - written) > settled
             if is_settled and path.resolve() != table:

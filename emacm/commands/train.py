@@ -22,7 +22,7 @@ from emacm._checks import check_number
 from emacm.commands.find import parts_of_options
 from emacm.commands.score import set_costs
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
-from emacm.decisions.pipelines import groups_options
+from emacm.decisions.pipelines import final_estimator, groups_options
 from emacm.evaluation.comparison import compare
 from emacm.evaluation.evaluate import evaluate
 from emacm.evaluation.results import Evaluation, as_texts
@@ -67,29 +67,49 @@ def run(options: argparse.Namespace) -> int:
     model = _model(options, max_order, revolutions)
     set_costs(model, options.cost, options.priors, labels)
     orders = "" if options.recipe == "bearing" else f"orders up to {max_order:g}, "
-    print(
-        f"{len(recordings)} recordings, {len(set(groups))} groups ({options.groups}); "
-        f"{options.recipe}: {orders}segments of {revolutions:g} revolutions"
-    )
+    print(f"{options.recipe}: {orders}segments of {revolutions:g} revolutions")
+    found = _fitted(model, recordings, labels, groups, healthy, options)
+    _print_channels(model, recordings, labels, groups, healthy, found)
+    evidence = {"recordings": recordings, "model": model}
+    return _save(model, found, labels, groups, healthy, options, **evidence)
+
+
+def _fitted(
+    model: Any,
+    X: Any,
+    labels: Sequence[Any],
+    groups: Sequence[Any],
+    healthy: Any,
+    options: argparse.Namespace,
+) -> Evaluation:
+    """Evaluate a model and fit it; print its rates, with costs and priors in force."""
+    print(f"{len(X)} recordings, {len(set(groups))} groups ({options.groups})")
     print(pd.Series(labels).value_counts().sort_index().to_string())
     with parallel_config(n_jobs=options.jobs):
-        found = evaluate(model, recordings, labels, units=groups, healthy=healthy)
+        found = evaluate(model, X, labels, units=groups, healthy=healthy)
     for caveat in found.caveats:
         print(f"- {caveat}")
-    model.fit(recordings, labels, **groups_options(model, groups))
-    _print_rates(model, found)
-    _print_channels(model, recordings, labels, groups, healthy, found)
-    stated = _stated(options) | {"recordings": recordings, "model": model}
-    evidence = training_evidence(found, labels, groups, **stated)
+    model.fit(X, labels, **groups_options(model, groups))
+    _print_rates(final_estimator(model), found)
+    return found
+
+
+def _save(
+    model: Pipeline,
+    found: Evaluation,
+    labels: Sequence[Any],
+    groups: Sequence[Any],
+    healthy: Any,
+    options: argparse.Namespace,
+    **trained_on: Any,
+) -> int:
+    """Save a model with the evidence of its evaluation; return the exit status."""
+    keys = (options.labels, options.groups)
+    stated = {"keys": keys, "intended_use": options.intended_use, "limits": options.limits}
+    evidence = training_evidence(found, labels, groups, **stated, **trained_on)
     save_model(model, options.out, note=options.note, healthy=healthy, evidence=evidence)
     print(f"Model: {options.out}")
     return 0
-
-
-def _stated(options: argparse.Namespace) -> dict[str, Any]:
-    """Return what the evidence states as it was given."""
-    keys = (options.labels, options.groups)
-    return {"keys": keys, "intended_use": options.intended_use, "limits": options.limits}
 
 
 def _learn_again(options: argparse.Namespace, layout: Layout) -> int:
@@ -108,27 +128,17 @@ def _learn_again(options: argparse.Namespace, layout: Layout) -> int:
     healthy = healthy_label(labels, options.healthy, "--healthy")
     classifier = clone(old[-1])
     set_costs(classifier, options.cost, options.priors, labels)
-    print(f"{len(names)} recordings, {len(set(groups))} groups ({options.groups})")
-    print(pd.Series(labels).value_counts().sort_index().to_string())
-    found = evaluate(classifier, features, labels, units=groups, healthy=healthy)
-    for caveat in found.caveats:
-        print(f"- {caveat}")
+    found = _fitted(classifier, features, labels, groups, healthy, options)
     print(
         "- The range of the training, outside of which recordings are stated to be, and the known "
         "spectral lines are still those of the first training."
     )
-    classifier.fit(features, labels, **groups_options(classifier, groups))
     model = Pipeline([*old.steps[:-1], (old.steps[-1][0], classifier)])
-    _print_rates(model, found)
-    evidence = training_evidence(found, labels, groups, **_stated(options))
-    save_model(model, options.out, note=options.note, healthy=healthy, evidence=evidence)
-    print(f"Model: {options.out}")
-    return 0
+    return _save(model, found, labels, groups, healthy, options)
 
 
-def _print_rates(model: Pipeline, found: Evaluation) -> None:
+def _print_rates(classifier: Any, found: Evaluation) -> None:
     """Print costs and priors in force, the rates with their yardsticks, and the confusions."""
-    classifier = model[-1]
     costs = pd.DataFrame(classifier.cost_, classifier.decisions_, classifier.truths_)
     print("\nCosts (rows: decisions, columns: true states), and priors of the states:")
     print(costs.rename_axis("decision").to_string())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -18,10 +18,10 @@ from emacm.files.sample_times import dates_of, rate_of_times, seconds_of, time_u
 from emacm.recordings.names import (
     is_shaft_name,
     is_time_name,
-    same_unit,
     split_unit,
     unit_factor,
     unit_in_name,
+    unit_ratio,
 )
 from emacm.shaft.angle import angle_from_wrapped, is_wrapped
 from emacm.shaft.tacho import angle_from_tacho
@@ -64,35 +64,25 @@ class FileColumns:
     start: pd.Timestamp | None = None
     starts: dict[str, float] = field(default_factory=dict)
 
-    def without_units_in_names(self) -> FileColumns:
-        """Return it with the units taken out of the names of columns, as in "speed [rpm]"."""
+    def take_units_from_names(self) -> None:
+        """Take the units out of the names of columns, as in "speed [rpm]"."""
         parts = {name: split_unit(name) for name in (*self.columns, *self.numbers)}
         plain = {name: short for name, (short, _) in parts.items()}
         if len(set(plain.values())) < len(plain):
-            return self
+            return
+        self.units = {short: unit for short, unit in parts.values() if unit} | self.units
+        for kind in ("columns", "rates", "units", "numbers", "starts"):
+            values = getattr(self, kind).items()
+            setattr(self, kind, {plain.get(name, name): value for name, value in values})
 
-        def renamed(values: Mapping[str, Any]) -> dict[str, Any]:
-            return {plain.get(name, name): value for name, value in values.items()}
-
-        units = {short: unit for short, unit in parts.values() if unit} | renamed(self.units)
-        return replace(
-            self,
-            columns=renamed(self.columns),
-            rates=renamed(self.rates),
-            units=units,
-            numbers=renamed(self.numbers),
-            starts=renamed(self.starts),
-        )
-
-    def with_units_of_groups(self) -> FileColumns:
-        """Return it with the unit of a group or structure for the only array that it holds."""
-        units, names = dict(self.units), [*self.columns, *self.numbers]
+    def take_units_from_groups(self) -> None:
+        """Give the unit of a group or structure to the only array that it holds."""
+        names = [*self.columns, *self.numbers]
         for place in self.units.keys() - set(names):
             group = re.escape(re.sub(r"[/.]$", "", place))
             within = [name for name in names if re.match(rf"{group}[/.]", name)]
             if len(within) == 1:
-                units.setdefault(within[0], self.units[place])
-        return replace(self, units=units)
+                self.units.setdefault(within[0], self.units[place])
 
     def like_shaft(self) -> list[str]:
         """Return the columns and numbers with name or unit of the motion of a shaft."""
@@ -186,8 +176,12 @@ def recording_arguments(
     rates = rates_of_columns(content, layout, times)
     _check_starts(content, [*channels.values(), *filter(None, [shaft])], rates)
     fs = {name: _rate(content, layout, rates, column, name) for name, column in channels.items()}
-    signals = {name: _signal(content, column, name) for name, column in channels.items()}
-    units = {name: _channel_unit(content, layout, name, c) for name, c in channels.items()}
+    columns = content.columns
+    signals = {name: check_signal(columns[c], f"channel {name!r}") for name, c in channels.items()}
+    units = {
+        name: _agreed_unit(name, layout.unit_of(name, column), content.units.get(column, ""))
+        for name, column in channels.items()
+    }
     arguments = {
         "signals": signals,
         "fs": fs,
@@ -212,7 +206,7 @@ def _check_starts(content: FileColumns, names: Sequence[str], rates: Mapping[str
     starts = {name: content.starts[name] for name in names if name in content.starts}
     if not starts:
         return
-    latest, earliest = (choose(starts, key=lambda name: starts[name]) for choose in (max, min))
+    latest, earliest = max(starts, key=starts.__getitem__), min(starts, key=starts.__getitem__)
     apart = starts[latest] - starts[earliest]
     if apart > 1e-3 + 1 / min(rates.get(name, 1000.0) for name in starts):
         raise ValueError(
@@ -310,17 +304,6 @@ def _listed(names: Sequence[str], longest: int = 20) -> str:
     """Return names as a list; of many, the first ones."""
     more = len(names) - longest
     return str(list(names)) if more <= 0 else f"{list(names[:longest])} and {more} more"
-
-
-def _signal(content: FileColumns, column: str, name: str) -> NDArray[np.floating]:
-    """Return a channel; one without any value is refused as a whole."""
-    values = content.columns[column]
-    if values.dtype.kind == "f" and len(values) and np.isnan(values[0]) and np.isnan(values).all():
-        raise ValueError(
-            f"column {column!r} is empty: it has no value at all. List the other columns in "
-            f"channels of the layout."
-        )
-    return check_signal(values, f"channel {name!r}")
 
 
 def _time_column(content: FileColumns, layout: Layout) -> str | None:
@@ -486,18 +469,14 @@ def _rate(
     return float(rate)
 
 
-def _channel_unit(content: FileColumns, layout: Layout, name: str, column: str) -> str:
-    stated, known = layout.unit_of(name, column), content.units.get(column, "")
-    if stated and known and not same_unit(stated, known):
-        raise ValueError(_other_unit(stated, name, known))
+def _agreed_unit(name: str, stated: str, known: str) -> str:
+    """Return the unit that the layout states, else that of the file."""
+    if stated and known and unit_ratio(stated, known) != 1:
+        raise ValueError(
+            f"the layout states the unit {stated!r} for {name!r}, but the file {known!r}. Correct "
+            f"units; nothing is converted."
+        )
     return stated or known
-
-
-def _other_unit(stated: str, name: str, known: str) -> str:
-    return (
-        f"the layout states the unit {stated!r} for {name!r}, but the file {known!r}. Correct "
-        f"units; nothing is converted."
-    )
 
 
 def _shaft(
@@ -536,15 +515,13 @@ def _shaft_unit(content: FileColumns, layout: Layout, column: str, kind: str) ->
     """Return the unit of the shaft column; rad or rad/s if nothing suggests another."""
     wanted = layout.velocity if kind == "velocity" else layout.angle
     stated = layout.unit_of(column, kind) or split_unit(content.chosen(str(wanted)))[1]
-    known = content.units.get(column, "")
-    if stated and known and unit_factor(stated, kind) != unit_factor(known, kind):
-        raise ValueError(_other_unit(stated, column, known))
+    unit = _agreed_unit(column, stated.lower(), content.units.get(column, "").lower())
     default = "rad/s" if kind == "velocity" else "rad"
-    if not (stated or known) and re.search(r"rpm|hz|deg|rev|turn|rps|count|min", column.lower()):
+    if not unit and re.search(r"rpm|hz|deg|rev|turn|rps|count|min", column.lower()):
         usual = unit_in_name(column) or "rpm" if kind == "velocity" else "deg"
         raise ValueError(
             f"the unit of {column!r} is not stated, and its name suggests another one than "
             f"{default}. State it in the layout, under [units]: {column!r} = '{usual}', or what it "
             f"is in."
         )
-    return stated or known or default
+    return unit or default

@@ -19,7 +19,6 @@ from emacm.files.sample_times import rate_of_times
 
 _RATE_KEYS = ("fs", "sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "rate")
 _UNIT_KEYS = ("unit", "units", "Unit", "Units")
-_OTHERS = {"U": "texts", "S": "texts", "O": "objects", "m": "differences of times"}
 
 
 def optional_library(name: str, kind: str, extra: str = "files") -> Any:
@@ -56,7 +55,7 @@ def add_array(content: FileColumns, name: str, values: Any) -> None:
     elif array.dtype.kind == "M" and array.ndim == 1:
         content.columns[name] = array
     elif array.dtype.kind not in "biufc":
-        content.ignored[name] = f"holds {_OTHERS.get(array.dtype.kind, 'no numbers')}"
+        content.ignored[name] = f"holds no numbers, but {array.dtype}"
     elif array.size == 1 and array.dtype.kind != "c":
         content.numbers[name] = float(array.reshape(()))
     elif plain.ndim == 1:
@@ -156,8 +155,7 @@ def _add_variable(content: FileColumns, name: str, value: Any) -> None:
     elif isinstance(value, str) and name.rpartition(".")[2].lower() in ("unit", "units"):
         content.units[name.rpartition(".")[0]] = value
     else:
-        kind = "is sparse" if scipy.sparse.issparse(value) else "is a text"
-        content.ignored[name] = f"{kind}, no array of numbers"
+        content.ignored[name] = f"holds no array of numbers, but {type(value).__name__}"
 
 
 def read_parquet(path: Path, content: FileColumns) -> None:
@@ -333,13 +331,7 @@ def _add_attributes(
 ) -> None:
     """Add what attributes state on rates and units of a column, or of a group of columns."""
     for key in [key for key in _RATE_KEYS if key in attributes][:1]:
-        try:
-            rate = float(np.asarray(_text(attributes[key]), np.float64).item())
-        except (TypeError, ValueError) as error:
-            raise RefusedFileError(
-                f"the attribute {key!r}{f' of {place!r}' if place else ''} is {attributes[key]!r}; "
-                f"expected was one number, the sampling rate in Hz. Correct the file."
-            ) from error
+        rate = float(np.asarray(_text(attributes[key]), np.float64).item())
         if own:
             content.rates[place] = rate
         else:

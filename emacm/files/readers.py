@@ -76,7 +76,9 @@ def read_columns(path: Path) -> FileColumns:
     content = FileColumns()
     try:
         reader(path, content)
-        return content.with_units_of_groups().without_units_in_names()
+        content.take_units_from_groups()
+        content.take_units_from_names()
+        return content
     except RefusedFileError as error:
         raise RefusedFileError(f"{error}{_other_kind(path)}") from error
     except (ImportError, FileNotFoundError, PermissionError):

@@ -169,17 +169,12 @@ def rate_of_times(
     >>> rate_of_times(np.round(np.arange(5) / 12_000, 6), "time")
     12000.0
     """
-    ignore = f"or {_ignore(name)}"
-    if len(seconds) < 2 or seconds[-1] <= seconds[0]:
-        raise ValueError(
-            f"time column {name!r} does not increase. Choose the column of times, {ignore}."
-        )
     steps = np.diff(seconds)
-    if (steps < 0).any():
-        place = int(np.argmax(steps < 0)) + 1
+    if len(seconds) < 2 or steps.min() < 0 or not steps.any():
+        place = int(np.argmax(steps < 0)) + 1 if len(steps) else 0
         raise ValueError(
-            f"time column {name!r} goes back at sample {place}, to {seconds[place]:.6g} s. Sort "
-            f"or cut the recording, {ignore}."
+            f"time column {name!r} does not increase at sample {place}, {seconds[place]:.6g} s. "
+            f"Choose the column of times, sort or cut the recording, or {_ignore(name)}."
         )
     rate = float((len(seconds) - 1) / (seconds[-1] - seconds[0]))
     resolution = _rounding(seconds)
@@ -199,16 +194,10 @@ def rate_of_times(
     if off.max() <= jitter / candidate + resolution:
         return candidate
     place = int(np.argmax(off > jitter / candidate + resolution))
-    if fs is not None and abs(fs / rate - 1) > jitter / len(seconds):
-        raise ValueError(
-            f"time column {name!r} contradicts fs = {fs:g} Hz: its mean rate is {rate:.9g} Hz, and "
-            f"sample {place} is at {seconds[place]:.6g} s instead of {place / fs:.6g} s. Correct "
-            f"fs, {ignore}."
-        )
     raise ValueError(
-        f"time column {name!r} has jitter: sample {place} is at {seconds[place]:.9g} s, even "
-        f"sampling at {rate:.6g} Hz would be {place / rate:.9g} s. Resample the recording to even "
-        f"times, {ignore}."
+        f"time column {name!r} is not evenly spaced at {candidate:.9g} Hz: sample {place} is at "
+        f"{seconds[place]:.9g} s instead of {place / candidate:.9g} s; its mean rate is "
+        f"{rate:.9g} Hz. Correct fs, resample the recording to even times, or {_ignore(name)}."
     )
 
 

@@ -321,7 +321,7 @@ def test_a_rate_in_a_file_holds_for_the_columns_of_its_group(numbers, units, rat
         ({"t": [0.0, 0.1]}, {"time": False, "fs": 3}, r"no channel besides \['t'\]"),
         ({"b": [1, 2], "rate": [3, 3]}, {"fs": "rate"}, "fs = 'rate' is not a single number"),
         ({"b": [1, 2]}, {"fs": None}, "the sampling rate of 'b' is not known"),
-        ({"b": [1, 2], "name": "b"}, {"fs": 3, "channels": ["name"]}, "'name' holds texts"),
+        ({"b": [1, 2], "name": "b"}, {"fs": 3, "channels": ["name"]}, "'name' holds no numbers"),
     ],
 )
 def test_columns_that_are_ambiguous_or_missing_are_refused(tmp_path, columns, options, message):
