@@ -14,10 +14,9 @@ from typing import Any
 
 import pandas as pd
 from joblib import effective_n_jobs
-from sklearn.pipeline import Pipeline
 
 from emacm._saved import locked
-from emacm.commands.result_tables import HistoryTable, Row, columns_of, lines_of, result_table
+from emacm.commands.result_tables import Row, result_table
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import final_estimator
 from emacm.files.folder import open_recording, recording_files
@@ -70,42 +69,29 @@ class _Work:
         self._settings_digest = sha256(repr((*settings, options.priors)).encode()).hexdigest()
         self._same = {"model": model_digest(model)}
         self._same["model_note"] = model_description(options.model)["note"] or ""
-        self._columns = columns_of(model)
         self._reported = time.monotonic()
-        self._table = None if options.out is None else result_table(options.out, model)
-        self._features: tuple[HistoryTable, str] | None = None
-        if options.features:
-            if not isinstance(self._table, HistoryTable) or not isinstance(model, Pipeline):
-                raise ValueError(
-                    "--features needs --out FILE.sqlite, and a model that is a pipeline whose last "
-                    "step is the classifier."
-                )
-            self._features = self._table, model_digest(model[:-1])
-        self._done: dict[tuple[str, str], Row] = {}
+        self._table = result_table(options.out, model, with_features=options.features)
         self._reports: Any = None
         if options.report is not None:
             from emacm.commands.report import FileReports  # with the displays
 
             self._reports = FileReports(options, layout, options.report)
-        if self._table is None:
-            print(lines_of([], self._columns, heading=True), end="")
-        else:
-            for row in self._table.read():
-                if not row["error"]:  # files that failed are tried again
-                    self._done[row["recording"], "" if options.again else row["id"]] = row
+        self._done = {
+            (row["recording"], "" if options.again else row["id"]): row
+            for row in self._table.read()
+            if not row["error"]  # files that failed are tried again
+        }
 
     def once(self) -> list[Row]:
         """Decide on the files that are new, and return all rows."""
         paths = list(self._paths())
-        if self._table is not None:
-            self._table.write([*self._done.values()])
+        self._table.write([*self._done.values()])
         rows = self._rows(paths)
         names = {row["recording"] for row in rows}
         others = [row for row in self._done.values() if row["recording"] not in names]
         is_new = [(row["recording"], row["id"]) not in self._done for row in rows]
         self._done = {(row["recording"], row["id"]): row for row in [*rows, *others]}
-        if self._table is not None:
-            self._table.finish([*rows, *others])
+        self._table.finish([*rows, *others])
         if self._reports is not None and rows:
             self._reports.update(pd.DataFrame(rows).assign(path=paths, is_new=is_new))
             self._reports.write_fleet(() if is_history(self._options.out) else self._done.values())
@@ -113,14 +99,12 @@ class _Work:
 
     def _paths(self, settled: float = 2.0) -> Iterator[Path]:
         """Yield the files but the table; with --watch, one changed just now may be incomplete."""
-        now, table = time.time(), None if self._table is None else self._table.path
-        options = self._options
-        for path in recording_files(
-            options.paths, self._layout, options.pattern, may_be_empty=True
-        ):
+        now, options = time.time(), self._options
+        found = recording_files(options.paths, self._layout, options.pattern, may_be_empty=True)
+        for path in found:
             written = path.stat().st_mtime if path.is_file() else 0.0
             is_settled = options.watch is None or abs(now - written) > settled
-            if is_settled and path.resolve() != table:
+            if is_settled and path.resolve() != self._table.path:
                 yield path
 
     def _identity(self, path: Path) -> str:
@@ -131,12 +115,8 @@ class _Work:
         except (OSError, ValueError):
             return ""
 
-    def _rows(self, paths: Sequence[Path], most: int = 32, quick: float = 1.0) -> list[Row]:
-        """Return the rows of files in order; those of new ones are written batch by batch.
-
-        A batch grows up to `most` files while one takes less than `quick` seconds: little is lost
-        by a kill.
-        """
+    def _rows(self, paths: Sequence[Path]) -> list[Row]:
+        """Return the rows of files in order; so many new ones are written as run in parallel."""
         rows: list[Row] = []
         new: list[tuple[Path, Row]] = []
         at_once = effective_n_jobs(self._options.jobs)
@@ -146,10 +126,7 @@ class _Work:
             if key not in self._done:
                 new.append((path, rows[-1]))
             if len(new) >= at_once or number == len(paths):
-                started = time.monotonic()
                 self._decide(new)
-                if time.monotonic() - started < quick:
-                    at_once = max(at_once, min(2 * at_once, most))
                 new = []
                 self._report(number, len(paths))
         return rows
@@ -167,14 +144,7 @@ class _Work:
                 id=row["id"],
                 **self._same,
             )
-            if self._table is not None:
-                row.update(self._table.append(record))
-                if self._features and not row["error"]:
-                    table, made_by = self._features
-                    table.write_features(row["id"], made_by, found["features"])
-            else:
-                row.update(record)
-                print(lines_of([row], self._columns), end="", flush=True)
+            row.update(self._table.append(record, found["features"]))
 
     def _report(self, done: int, total: int, every: float = 5.0) -> None:
         """Report the progress, at most once in some seconds."""

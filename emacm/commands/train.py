@@ -35,7 +35,6 @@ from emacm.models.recipes import actuator_recipe, bearing_recipe
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.digests import model_digest
-from emacm.recordings.meta import read_meta
 from emacm.recordings.names import printable
 from emacm.reports.facts import healthy_label
 from emacm.reports.inputs import meta_value
@@ -51,39 +50,20 @@ def run(options: argparse.Namespace) -> int:
         0.
     """
     layout = Layout.from_toml(options.layout)
-    if options.like is not None:
-        return _learn_again(options, layout)
-    recordings = RecordingFolder(options.folder, layout, options.pattern)
-    if layout.meta is None:
-        raise ValueError(
-            f"the layout {options.layout} has no meta, where --labels and --groups are found. Add "
-            f"the parts of the names of files such as {recordings.paths[0].name!r}, for example "
-            f'meta = "{{unit}}_{{state}}_{{run:d}}".'
-        )
-    labels = read_meta(recordings, options.labels, role="--labels")
-    groups = read_meta(recordings, options.groups, role="--groups")
+    if options.like is None:
+        X: Any = RecordingFolder(options.folder, layout, options.pattern)
+        paths = X.paths
+    else:
+        old = load_model(options.like)
+        paths, X = _stored_features(old, options)
+    labels, groups = (
+        [meta_value(Path(path), layout, key) for path in paths]
+        for key in (options.labels, options.groups)
+    )
     healthy = healthy_label(labels, options.healthy, "--healthy")
-    max_order, revolutions = extent(recordings, options)
-    model = _model(options, max_order, revolutions)
+    model = _recipe(X, options) if options.like is None else clone(old[-1])
     set_costs(model, options.cost, options.priors, labels)
-    orders = "" if options.recipe == "bearing" else f"orders up to {max_order:g}, "
-    print(f"{options.recipe}: {orders}segments of {revolutions:g} revolutions")
-    found = _fitted(model, recordings, labels, groups, healthy, options)
-    _print_channels(model, recordings, labels, groups, healthy, found)
-    evidence = {"recordings": recordings, "model": model}
-    return _save(model, found, labels, groups, healthy, options, **evidence)
-
-
-def _fitted(
-    model: Any,
-    X: Any,
-    labels: Sequence[Any],
-    groups: Sequence[Any],
-    healthy: Any,
-    options: argparse.Namespace,
-) -> Evaluation:
-    """Evaluate a model and fit it; print its rates, with costs and priors in force."""
-    print(f"{len(X)} recordings, {len(set(groups))} groups ({options.groups})")
+    print(f"{len(labels)} recordings, {len(set(groups))} groups ({options.groups})")
     print(pd.Series(labels).value_counts().sort_index().to_string())
     with parallel_config(n_jobs=options.jobs):
         found = evaluate(model, X, labels, units=groups, healthy=healthy)
@@ -91,50 +71,32 @@ def _fitted(
         print(f"- {caveat}")
     model.fit(X, labels, **groups_options(model, groups))
     _print_rates(final_estimator(model), found)
-    return found
-
-
-def _save(
-    model: Pipeline,
-    found: Evaluation,
-    labels: Sequence[Any],
-    groups: Sequence[Any],
-    healthy: Any,
-    options: argparse.Namespace,
-    **trained_on: Any,
-) -> int:
-    """Save a model with the evidence of its evaluation; return the exit status."""
     keys = (options.labels, options.groups)
     stated = {"keys": keys, "intended_use": options.intended_use, "limits": options.limits}
-    evidence = training_evidence(found, labels, groups, **stated, **trained_on)
+    if options.like is None:
+        _print_channels(model, X, labels, groups, healthy, found)
+        stated |= {"recordings": X, "model": model}
+    else:
+        print(
+            "- The range of the training, outside of which recordings are stated to be, and the "
+            "known spectral lines are still those of the first training."
+        )
+        model = Pipeline([*old.steps[:-1], (old.steps[-1][0], model)])
+    evidence = training_evidence(found, labels, groups, **stated)
     save_model(model, options.out, note=options.note, healthy=healthy, evidence=evidence)
     print(f"Model: {options.out}")
     return 0
 
 
-def _learn_again(options: argparse.Namespace, layout: Layout) -> int:
-    """Fit the classifier of a model on the features in a history, evaluate and save the model."""
-    old, history = load_model(options.like), History(options.folder)
-    names, features = history.features(model_digest(old[:-1]))
+def _stored_features(model: Pipeline, options: argparse.Namespace) -> tuple[list[str], Any]:
+    """Return names of recordings, and the features that the model has stored in a history."""
+    names, features = History(options.folder).features(model_digest(model[:-1]))
     if not names:
         raise ValueError(
             f"{options.folder} has no features of the model {options.like}: run emacm score with "
             f"this model, --out {options.folder} and --features."
         )
-    labels, groups = (
-        [meta_value(Path(name), layout, key) for name in names]
-        for key in (options.labels, options.groups)
-    )
-    healthy = healthy_label(labels, options.healthy, "--healthy")
-    classifier = clone(old[-1])
-    set_costs(classifier, options.cost, options.priors, labels)
-    found = _fitted(classifier, features, labels, groups, healthy, options)
-    print(
-        "- The range of the training, outside of which recordings are stated to be, and the known "
-        "spectral lines are still those of the first training."
-    )
-    model = Pipeline([*old.steps[:-1], (old.steps[-1][0], classifier)])
-    return _save(model, found, labels, groups, healthy, options)
+    return names, features
 
 
 def _print_rates(classifier: Any, found: Evaluation) -> None:
@@ -234,8 +196,11 @@ def extent(
     return orders, check_number(length, "the length of a segment (--revolutions)", above=0)
 
 
-def _model(options: argparse.Namespace, max_order: float, revolutions: float) -> Pipeline:
-    """Return the unfitted pipeline of a recipe."""
+def _recipe(recordings: RecordingFolder, options: argparse.Namespace) -> Pipeline:
+    """Return the unfitted pipeline of a recipe, and print up to which order it looks."""
+    max_order, revolutions = extent(recordings, options)
+    orders = "" if options.recipe == "bearing" else f"orders up to {max_order:g}, "
+    print(f"{options.recipe}: {orders}segments of {revolutions:g} revolutions")
     common: dict[str, Any] = {"revolutions": revolutions, "min_speed": options.min_speed}
     if options.recipe == "actuator":
         return actuator_recipe(max_order=max_order, **common)

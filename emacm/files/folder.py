@@ -223,9 +223,13 @@ class FileSeries(LazySeries):
         self.bandwidth = float(getattr(series, "bandwidth", np.inf))
         self._recording, self._name = recording, name
 
+    def __getitem__(self, key: Any) -> Any:
+        """Return samples."""
+        return self._recording.content().series[self._name][key]
+
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return the samples `start` to `stop` (exclusive)."""
-        return self._recording.content().series[self._name][start:stop]
+        return self[start:stop]
 
     @property
     def sources(self) -> list[NDArray[Any]]:
