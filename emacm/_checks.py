@@ -229,13 +229,7 @@ def group_codes(groups: Any, n_recordings: int) -> NDArray[np.intp]:
             f"groups must have one label for each of the {n_recordings} recordings, got "
             f"{len(labels)}."
         )
-    try:
-        codes, _ = factorize(labels)
-    except TypeError as error:  # lists, dicts
-        raise TypeError(
-            f"groups must be labels, such as names or numbers, got {labels.iloc[0]!r}. Join the "
-            f"parts of a label to a text or a tuple."
-        ) from error
+    codes, _ = factorize(labels)
     if (codes < 0).any():
         raise ValueError(
             f"groups must have a label for every recording; that of recording "

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import UTC, datetime
 from functools import partial
 from importlib import import_module
@@ -25,6 +27,7 @@ def add_parsers(commands: Any) -> None:
 
 
 Add = Callable[..., Any]
+Run = Callable[[argparse.Namespace], Any]
 
 
 def _command(
@@ -32,7 +35,8 @@ def _command(
     name: str,
     meaning: str,
     statuses: str | None = None,
-    check: Callable[[argparse.Namespace], None] = lambda options: None,
+    check: Run = lambda options: None,
+    run: Run | None = None,
 ) -> Add:
     """Add a command, whose module is imported when it runs; return what adds its options.
 
@@ -41,11 +45,11 @@ def _command(
     status = f"Exit status: {statuses}" if statuses else None
     parser = commands.add_parser(name, help=meaning, description=f"{meaning}.", epilog=status)
 
-    def run(options: argparse.Namespace) -> int:
+    def run_module(options: argparse.Namespace) -> int:
         check(options)
         return import_module(f"emacm.commands.{name}").run(options)
 
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run or run_module)
     return parser.add_argument
 
 
@@ -71,20 +75,26 @@ def _existing(text: str) -> Path:
     return path
 
 
-def _above_zero(text: str) -> float:
-    """Return a number above 0; infinity is one."""
-    number = float(text)
-    if not number > 0:
-        raise argparse.ArgumentTypeError(f"expected a number above 0, got {text!r}")
-    return number
+def _number(kind: type, expected: str, is_valid: Callable[[Any], bool]) -> Callable[[str], Any]:
+    """Return a function that reads a valid number from a text."""
+
+    def read(text: str) -> Any:
+        with suppress(ValueError):
+            if is_valid(kind(text)):
+                return kind(text)
+        raise argparse.ArgumentTypeError(f"expected {expected}, got {text!r}")
+
+    return read
 
 
-def _count(text: str) -> int:
-    """Return a whole number of at least 1."""
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"expected a number of at least 1, got {text!r}")
-    return number
+_above_zero = _number(float, "a number above 0", lambda number: number > 0)  # also infinity
+_probability = _number(float, "a number above 0 and below 1", lambda number: 0 < number < 1)
+_count = _number(int, "a whole number of at least 1", lambda number: number >= 1)
+_jobs = _number(
+    int,
+    "a whole number of at least 1, or -1 for one per core",
+    lambda number: number >= 1 or number == -1,
+)
 
 
 def _share(text: str) -> tuple[int, int]:
@@ -101,17 +111,17 @@ def _time(text: str) -> datetime:
     return time if time.tzinfo else time.replace(tzinfo=UTC)
 
 
-def _probability(text: str) -> float:
-    """Return a number above 0 and below 1."""
-    number = float(text)
-    if not 0 < number < 1:
-        raise argparse.ArgumentTypeError(f"expected a number above 0 and below 1, got {text!r}")
-    return number
-
-
 def _example(command: Add) -> None:
-    add = command("example", "write files of a simulated pump, for the examples of README")
+    meaning = "write files of a simulated pump, for the examples of README"
+    add = command("example", meaning, run=_write_example)
     add("folder", metavar="DIR", type=Path, help="folder, new or empty")
+
+
+def _write_example(options: argparse.Namespace) -> None:
+    from emacm.simulation.example_files import write_example
+
+    for path in write_example(options.folder):
+        print(path)
 
 
 def _inspect(command: Add) -> None:
@@ -124,8 +134,7 @@ def _inspect(command: Add) -> None:
     _add_pattern(add)
     add("--plot", type=_writable, metavar="PNG", help="draw the columns")
     add("--draft", type=_writable, metavar="TOML", help="write a draft of the layout of such files")
-    meta = "parts of the file names, for the draft, as '{unit}_{state}_{run:d}'"
-    add("--meta", metavar="PATTERN", help=meta)
+    add("--meta", metavar="PATTERN", help="parts of file names, as '{unit}_{state}_{run:d}'")
 
 
 def _find(command: Add) -> None:
@@ -138,31 +147,23 @@ def _find(command: Add) -> None:
     )
     _add_files(add, needs_layout=False)
     _add_parts(add)
-    speed = "constant speed [rpm], in place of the shaft of the files"
-    add("--speed", type=_above_zero, metavar="RPM", help=speed)
-    healthy = "folder of files of the same machine without faults"
-    add("--healthy", type=_existing, metavar="FOLDER", help=healthy)
+    add("--speed", type=_above_zero, metavar="RPM", help="constant speed, used in place of files")
+    add("--healthy", type=_existing, metavar="FOLDER", help="files of this machine without faults")
     add("--out", type=_writable, metavar="CSV", help="table with all scores")
     add("--plot", type=Path, metavar="DIR", help="folder for a picture of each finding")
 
 
 def _train(command: Add) -> None:
-    meaning = "fit a recipe on the files of a folder, evaluate and save the model"
-    add = command("train", meaning, check=_check_recipe)
+    add = command("train", "fit a recipe on files, evaluate and save it", check=_check_recipe)
     add("layout", metavar="LAYOUT", type=_existing, help="layout of the files (TOML)")
     folder = "folder of the files; with --like, a history with features of score"
     add("folder", metavar="FOLDER", type=_existing, help=folder)
     _add_pattern(add)
     like = "model whose classifier is fitted again, on the features that its other steps made"
     add("--like", type=_existing, metavar="MODEL", help=like)
-    labels = "state of the machine: a field of the layout's meta, as state"
-    add("--labels", required=True, metavar="FIELD", help=labels)
-    groups = "unit or run, also such a field; the evaluation holds out whole units or runs"
-    add("--groups", required=True, metavar="FIELD", help=groups)
-    recipe = (
-        "orders: powers in order bins (default); actuator: emacm.actuator_recipe; bearing: levels "
-        "of the lines of --bearing or --parts in the envelope"
-    )
+    add("--labels", required=True, metavar="FIELD", help="state: a field of the layout's meta")
+    add("--groups", required=True, metavar="FIELD", help="field of the units to hold out, or runs")
+    recipe = "orders (default): powers in order bins; actuator; bearing: levels of fault lines"
     add("--recipe", choices=("orders", "actuator", "bearing"), default="orders", help=recipe)
     _add_parts(add)
     add("--out", required=True, type=_writable, metavar="MODEL", help="file of the model")
@@ -172,7 +173,7 @@ def _train(command: Add) -> None:
     add("--note", metavar="TEXT", help="text that is stored in the model file")
     add("--intended-use", metavar="TEXT", help="what the model is for, for its model card")
     add("--limits", metavar="TEXT", help="what the model is not for, for its model card")
-    add("--jobs", type=int, default=1, metavar="N", help="folds in parallel")
+    add_jobs(add, "folds")
 
 
 def _score(command: Add) -> None:
@@ -185,23 +186,13 @@ def _score(command: Add) -> None:
     )
     add("model", metavar="MODEL", type=_existing, help="file of emacm.save_model")
     _add_files(add)
-    table = (
-        "table (.csv, .jsonl, .parquet) or history (.sqlite), which is continued; default: CSV on "
-        "standard output"
-    )
+    table = "table (.csv, .jsonl, .parquet) or history (.sqlite) to go on; default: CSV, printed"
     add("--out", type=_writable, metavar="FILE", help=table)
-    kept = "store the features in the history, from which emacm train --like learns again"
-    add("--features", action="store_true", help=kept)
-    add("--jobs", type=int, default=1, metavar="N", help="files in parallel")
+    add("--features", action="store_true", help="store features in the history, for train --like")
+    add_jobs(add, "files")
     _add_costs(add)
-    status = "exit status 1 if one of these decisions is made"
-    add("--fail-on", default="", metavar="STATE,...", help=status)
-    add(
-        "--watch",
-        type=_above_zero,
-        metavar="SECONDS",
-        help="look for new files at this interval [s]",
-    )
+    add("--fail-on", default="", metavar="STATE,...", help="decisions that give exit status 1")
+    add("--watch", type=_above_zero, metavar="SECONDS", help="look for new files so often")
     add("--again", action="store_true", help="decide again on files that are in the table")
     add("--report", type=Path, metavar="DIR", help="write maintenance reports into this folder")
     _add_report_options(add)
@@ -218,32 +209,21 @@ def _monitor(command: Add) -> None:
     add("source", metavar="FILE", help="text file that grows; - for the standard input")
     add("--layout", required=True, type=_existing, metavar="L", help="layout of the rows (TOML)")
     add("--max-speed", required=True, type=_above_zero, metavar="N", help="highest speed [rad/s]")
-    add(
-        "--every",
-        type=_above_zero,
-        metavar="N",
-        help="length of a reading; default: one at the end",
-    )
+    add("--every", type=_above_zero, metavar="N", help="length of a reading; default: all rows")
     add("--unit", choices=("revolutions", "s"), default="revolutions", help="unit of --every")
     add("--wrapped", action="store_true", help="the angle is wrapped at 2 pi (or 360 degrees)")
-    state = "file of the state, from which an interrupted run goes on"
-    add("--state", type=Path, metavar="FILE", help=state)
+    add("--state", type=Path, metavar="FILE", help="state, from which an interrupted run goes on")
     idle = "end when the file has not grown for so long [s]; default: never"
     add("--idle", type=float, default=float("inf"), metavar="SECONDS", help=idle)
     add("--name", metavar="UNIT", help="the unit, or machine; default: name of FILE")
     start = "time at which the first row was measured, if the rows have no dates; default zone: UTC"
     add("--start", type=_time, metavar="TIME", help=start)
-    sink = (
-        "write records also to FILE.sqlite (history), influx:FILE, prometheus:FILE.prom, or "
-        "mqtt://[user@]host[:port]/topic, which needs a history; may be repeated"
-    )
+    sink = "FILE.sqlite, influx:FILE, prometheus:FILE.prom or mqtt://[user@]host[:port]/topic"
     add("--sink", action="append", default=[], metavar="SINK", help=sink)
-    page = "folder of fleet.html, the page of all units in the history, which is kept up to date"
-    add("--page", type=Path, metavar="DIR", help=page)
+    add("--page", type=Path, metavar="DIR", help="folder of fleet.html, the page of all units")
     kept = "store the signals of N readings up to each alarm, which emacm score decides on again"
     add("--keep-alarms", type=_count, metavar="N", help=kept)
-    folder = "folder of these signals (default: evidence)"
-    add("--evidence", type=Path, default=Path("evidence"), metavar="DIR", help=folder)
+    add("--evidence", type=Path, default=Path("evidence"), metavar="DIR", help="their folder")
     _add_alarms(add)
 
 
@@ -259,8 +239,7 @@ def _add_alarms(add: Add) -> None:
     add("--clear-after", type=_count, default=5, metavar="M", help=clear)
     slow = "no alarms while the shaft does not exceed this speed [rad/s]"
     add("--min-speed", type=float, default=0.0, metavar="N", help=slow)
-    quiet = "and for so long after it does [s]"
-    add("--quiet", type=float, default=0.0, metavar="SECONDS", help=quiet)
+    add("--quiet", type=float, default=0.0, metavar="SECONDS", help="and for so long after it does")
 
 
 def _alarms(command: Add) -> None:
@@ -274,8 +253,7 @@ def _alarms(command: Add) -> None:
     add("history", metavar="HISTORY", type=_existing, help="file of --sink FILE.sqlite")
     add("--all", action="store_true", help="list also those that are cleared")
     add("--ack", metavar="ID", help="state that somebody takes care of this alarm")
-    suppress = "state that this alarm is to be ignored until it is cleared"
-    add("--suppress", metavar="ID", help=suppress)
+    add("--suppress", metavar="ID", help="ignore this alarm until it is cleared")
     add("--by", metavar="NAME", help="who does")
 
 
@@ -285,7 +263,14 @@ def _check_name(options: argparse.Namespace) -> None:
 
 
 def _schema(command: Add) -> None:
-    command("schema", "print the JSON Schema of the records of score and monitor")
+    meaning = "print the JSON Schema of the records of score and monitor"
+    command("schema", meaning, run=_print_schema)
+
+
+def _print_schema(options: argparse.Namespace) -> None:
+    from emacm.history.records import SCHEMA
+
+    print(json.dumps(SCHEMA, indent=2))
 
 
 def _report(command: Add) -> None:
@@ -309,38 +294,36 @@ def _trend(command: Add) -> None:
     )
     add("healthy", metavar="HEALTHY", type=_existing, nargs="?", help="folder of healthy files")
     _add_files(add, "*")
-    groups = "run of a healthy file: a field of the layout's meta; the limit is of runs held out"
-    add("--groups", metavar="FIELD", help=groups)
-    results = (
-        "table of emacm score, in place of files, HEALTHY and --groups; the index is -log10 of "
-        "P(healthy) or of the typicality, whichever is smaller; its limit that of --false-alarm"
-    )
+    add("--groups", metavar="FIELD", help="run of a healthy file: a field of the layout's meta")
+    results = "table of emacm score, not files; the index is -log10 of P(healthy) or typicality"
     add("--results", type=_existing, metavar="TABLE", help=results)
     add("--state", metavar="LABEL", help="healthy state in TABLE; default: healthy or normal")
     add("--unit", metavar="FIELD", help="unit: a field of the layout's meta")
     _add_parts(add)
     _add_time(add)
-    rate = (
-        "probability that a healthy recording exceeds the limit (default: 0.05); if the healthy "
-        "groups are too few for it, the logarithm of the index is taken to be normal"
-    )
+    rate = "probability that a healthy recording exceeds the limit (default: 0.05)"
     add("--false-alarm", type=_probability, default=0.05, metavar="P", help=rate)
     add("--out", type=_writable, metavar="CSV", help="table (default: standard output)")
     add("--plot", type=_writable, metavar="PNG", help="draw the trend of each unit")
-    machine = (
-        "machine class for the zone of the RMS velocity of accelerations (units in the layout), "
-        "such as 'group 2 rigid' of ISO 20816-3 or 'class I' of ISO 10816-1"
-    )
+    machine = "for zones of RMS velocity: 'group 2 rigid' of ISO 20816-3, 'class I' of 10816-1"
     add("--machine", metavar="CLASS", help=machine)
-    alarm = "exit status 1 if a unit exceeds its limit"
-    add("--fail-on-alarm", action="store_true", help=alarm)
+    add("--fail-on-alarm", action="store_true", help="exit status 1 if a unit exceeds its limit")
     _add_extent(add)
 
 
 def _describe(command: Add) -> None:
-    add = command("describe", "print the model card of a model file, without loading the model")
+    meaning = "print the model card of a model file, without loading the model"
+    add = command("describe", meaning, run=_print_card)
     add("model", metavar="MODEL", type=_existing, help="file of emacm train or emacm.save_model")
     _add_record(add)
+
+
+def _print_card(options: argparse.Namespace) -> None:
+    from emacm.reports.model_cards import describe_model
+    from emacm.reports.written_pages import written_record
+
+    card = describe_model(options.model)
+    print(written_record(card, options.out, as_json=options.json) or f"Model card: {options.out}")
 
 
 def _verify(command: Add) -> None:
@@ -364,8 +347,7 @@ def _check_verify(options: argparse.Namespace) -> None:
 
 def _add_record(add: Add) -> None:
     """Add where a record is written."""
-    out = "write it into this file (.txt, .json or .html); default: text on standard output"
-    add("--out", type=_record, metavar="FILE", help=out)
+    add("--out", type=_record, metavar="FILE", help="write it into a file (.txt, .json or .html)")
     add("--json", action="store_true", help="JSON on standard output")
 
 
@@ -389,18 +371,14 @@ def _add_files(add: Add, number: str = "+", *, needs_layout: bool = True) -> Non
 
 def _add_pattern(add: Add) -> None:
     """Add which files of folders are read."""
-    pattern = "which files of folders, as '*_vib.csv'; default: all, also in subfolders"
-    add("--pattern", default="**/*", metavar="GLOB", help=pattern)
+    add("--pattern", default="**/*", metavar="GLOB", help="which files of folders, as '*_vib.csv'")
 
 
 def _add_parts(add: Add) -> None:
     """Add the parts of the machine."""
     bearing = "designation such as 6205, or balls,ball diameter,pitch diameter[,contact angle]"
     add("--bearing", metavar="B", help=bearing)
-    parts = (
-        "components of the machine: tables such as [[Bearing]] with n_balls, ball_diameter, "
-        "pitch_diameter, name; [orders] with BPFI = 5.4"
-    )
+    parts = "components: tables such as [[Bearing]] with n_balls, ball_diameter, pitch_diameter"
     add("--parts", type=_existing, metavar="TOML", help=parts)
 
 
@@ -424,11 +402,7 @@ def _check_recipe(options: argparse.Namespace) -> None:
 
 def _add_time(add: Add) -> None:
     """Add where the time of a recording is."""
-    time = (
-        "time of a recording: a field of the layout's meta; default: when it started, if its file "
-        "states dates, else when the file was written"
-    )
-    add("--time", metavar="FIELD", help=time)
+    add("--time", metavar="FIELD", help="time: a field of the layout's meta; default: of the file")
 
 
 def _add_costs(add: Add) -> None:
@@ -452,6 +426,11 @@ def _add_report_options(add: Add) -> None:
     actions = "recommended action for each decision: TOML, decision = 'text'"
     add("--actions", type=_existing, metavar="TOML", help=actions)
     _add_parts(add)
-    unit = "unit: a field of the layout's meta, for the page of the fleet and 'since when'"
-    add("--unit", metavar="FIELD", help=unit)
+    add("--unit", metavar="FIELD", help="unit: a field of the layout's meta")
     _add_time(add)
+
+
+def add_jobs(add: Add, what: str, default: int = 1) -> None:
+    """Add how many of something run in parallel."""
+    text = f"{what} in parallel; -1: one per core (default: {default})"
+    add("--jobs", type=_jobs, default=default, metavar="N", help=text)

@@ -144,7 +144,7 @@ class _Work:
                 id=row["id"],
                 **self._same,
             )
-            row.update(self._table.append(record, found["features"]))
+            row.update(self._table.append(record, found.get("features")))
 
     def _report(self, done: int, total: int, every: float = 5.0) -> None:
         """Report the progress, at most once in some seconds."""

@@ -27,12 +27,6 @@ READERS: dict[str, Callable[[Path, FileColumns], None]] = {
 _KINDS: tuple[tuple[bytes, str, tuple[str, ...]], ...] = (  # first bytes, what it is, suffixes
     (b"\x1f\x8b", "compressed by gzip: unpack it", ()),
     (b"PK\x03\x04", "a ZIP archive, such as an Excel workbook: save it as CSV", (".npz",)),
-    (b"\x89HDF\r\n\x1a\n", "an HDF5 file: name it .h5, or .mat", (".mat", ".h5", ".hdf5")),
-    (b"RIFF", "a WAV file: name it .wav", (".wav",)),
-    (b"MATLAB 5.0", "a MAT file: name it .mat", (".mat",)),
-    (b"PAR1", "a Parquet file: name it .parquet", (".parquet",)),
-    (b"TDSm", "a TDMS file: name it .tdms", (".tdms",)),
-    (b"MDF ", "an MDF file: name it .mf4", (".mf4",)),
     (b"<!DOCTYPE", "a web page: download the file again", ()),
     (b"<html", "a web page: download the file again", ()),
     (b"version https://git-lfs", "a pointer of Git LFS: run git lfs pull", ()),

@@ -319,7 +319,7 @@ def test_a_bad_file_of_a_layout_is_refused(tmp_path, text, message):
         ({"meta": "{unit}_{unit}"}, ValueError, "each field once"),
         ({"meta": "{unit:x}"}, ValueError, "':d' or ':g' for numbers"),
         ({"meta": {"a": {}, "b": 3}}, TypeError, "a mapping from file names to mappings"),
-        ({"meta": "none.csv"}, FileNotFoundError, "no table of meta"),
+        ({"meta": "none.csv"}, FileNotFoundError, "none.csv"),
         ({"meta": pd.DataFrame({"file": [*"baab"]})}, ValueError, "several rows for 'a'"),
     ],
 )
