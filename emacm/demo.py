@@ -27,6 +27,7 @@ from emacm.displays._drawing import offscreen_panels
 from emacm.evaluation.scoring import scoring_rule
 from emacm.machine.fault_orders import fault_orders
 from emacm.models.model_files import load_model, save_model
+from emacm.models.scoring import score
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
@@ -172,14 +173,8 @@ def _search(
         search = GridSearchCV(cached, grid, cv=GroupKFold(4), n_jobs=n_jobs, **scoring)
         left_out = {"bintransformer__groups": units, "costsensitivegaussianbayes__groups": units}
         search.fit(recordings, labels, groups=units, **left_out)
-    best = search.best_params_
-    print(
-        f"\nGridSearchCV, split by unit, best of {len(search.cv_results_['params'])} settings: "
-        f"theta_s = 2 pi / {2 * np.pi / best['orderresampler__theta_s']:g},\n"
-        f"segments of {best['orderpsd__revolutions']} revolutions, bins of "
-        f"{best['bintransformer__bin_size']:g} orders; mean cost of the folds left out: "
-        f"{0 - search.best_score_:.3f}"
-    )
+    print(f"\nGridSearchCV, split by unit, best of {len(search.cv_results_['params'])} settings:")
+    print(f"{search.best_params_}; mean cost of the folds left out: {0 - search.best_score_:.3f}")
     return search.best_estimator_.set_params(orderpsd__memory=None)
 
 
@@ -188,16 +183,10 @@ def _save_and_diagnose(
 ) -> None:
     """Save and load a model, and print its decisions with probabilities and expected costs."""
     save_model(model, file, note="demonstration on simulated actuators", healthy=HEALTHY)
-    loaded = load_model(file)
     print(f"\nModel saved as {file}, loaded again, and applied to recordings of the test set:")
-    features, classifier = loaded[:-1].transform(unseen), loaded[-1]
-    probabilities, risks = classifier.predict_proba(features), classifier.risk(features)
-    tables = {
-        "": pd.DataFrame({"true": truths, "decision": classifier.predict(features)}),
-        "probability of": pd.DataFrame(probabilities, columns=classifier.classes_),
-        "expected cost of deciding": pd.DataFrame(risks, columns=classifier.decisions_),
-    }
-    print(pd.concat(tables, axis=1).round(3).to_string(index=False))
+    table = score(load_model(file), unseen).assign(true=truths).round(3)
+    shown = table.filter(regex=r"true|decision|expected_cost|typicality|P\(")
+    print(shown.to_string(index=False))
 
 
 def _draw(

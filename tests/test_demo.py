@@ -174,16 +174,17 @@ def test_the_search_is_stated_and_uses_as_many_threads_as_wanted(run):
 
 @pytest.mark.slow
 def test_probabilities_and_expected_costs_are_printed_beside_each_other(run):
-    rows = run["text"].split("expected cost of deciding")[1].splitlines()[2:]
+    rows = run["text"].split("of the test set:\n")[1].splitlines()[1:]
     rows = [line.replace("inner ring", "inner_ring").split() for line in rows if line.strip()]
     model = load_model(run["folder"] / "simulated.emacm")
     chosen, truths = run["unseen"][::6], run["truths"][::6]
     for row, truth, recording in zip(rows, truths, chosen, strict=False):
         features = model[:-1].transform([recording])
-        assert row[0].replace("_", " ") == truth
-        assert row[1].replace("_", " ") == model[-1].predict(features)[0]
-        expected = [*model[-1].predict_proba(features)[0], *model[-1].risk(features)[0]]
-        assert np.array(row[2:], float) == pytest.approx(expected, abs=6e-4)
+        assert row[-1].replace("_", " ") == truth
+        assert row[0].replace("_", " ") == model[-1].predict(features)[0]
+        expected = [model[-1].risk(features)[0].min(), *model[-1].typicality(features)]
+        expected += [*model[-1].predict_proba(features)[0]]
+        assert np.array(row[1:-1], float) == pytest.approx(expected, abs=6e-4)
 
 
 @pytest.mark.slow

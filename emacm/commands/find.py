@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import pandas as pd
 
 from emacm._saved import written_whole
 from emacm.commands.inspect import contents_of, draft_layout
-from emacm.files.folder import open_recording, recording_files
+from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.machine.rolling import bearing_of
 from emacm.models.find_faults import find_faults, healthy_scores
@@ -37,10 +36,7 @@ def run(options: argparse.Namespace) -> int:
     paths = recording_files(options.paths, layout, options.pattern)
     healthy = None
     if options.healthy is not None:
-        known = [
-            open_recording(path, layout)
-            for path in recording_files([options.healthy], layout, options.pattern)
-        ]
+        known = RecordingFolder(options.healthy, layout, options.pattern)
         healthy = healthy_scores(known, parts)
     rows: list[dict[str, Any]] = []
     for path in paths:
@@ -91,12 +87,6 @@ def layout_of_options(options: argparse.Namespace, path: Path) -> Layout:
     drafted = tomllib.loads(draft_layout(contents, path))
     remarks = contents.remarks
     if options.speed is not None:
-        if contents.shaft:
-            print(
-                f"emacm: WARNING: --speed {options.speed:g} rpm is used, and {contents.shaft!r} of "
-                f"the files is not.",
-                file=sys.stderr,
-            )
         drafted = {name: value for name, value in drafted.items() if name not in ("angle", "tacho")}
         drafted["velocity"] = f"{options.speed:g} rpm"
     elif contents.of_shaft:

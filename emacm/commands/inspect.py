@@ -107,17 +107,18 @@ def run(options: argparse.Namespace) -> int:
     int
         0; 3 if a file of a folder cannot be read.
     """
-    paths, failed = [options.file], False
-    if options.file.is_dir():
-        table = files_table(recording_files(paths, None, options.pattern))
-        print(table.drop(columns=["path", "is_read"]).to_string(index=False), end="\n\n")
-        paths = table.sort_values("is_read", ascending=False, kind="stable")["path"].tolist()
-        failed = not table["is_read"].all()
-        print(f"{printable(paths[0])}:")
-    with located(printable(paths[0])):
-        contents = contents_of(paths[0])
+    path, failed = options.file, False
+    if path.is_dir():
+        paths = recording_files([path], None, options.pattern)
+        table = files_table(paths)
+        print(table.to_string(index=False), end="\n\n")
+        is_read = table["duration [s]"] != ""
+        path, failed = paths[is_read.argmax()], not is_read.all()
+        print(f"{printable(path)}:")
+    with located(printable(path)):
+        contents = contents_of(path)
     _show(contents)
-    _write(contents, paths[0], options)
+    _write(contents, path, options)
     return 3 if failed else 0
 
 
@@ -151,12 +152,12 @@ def files_table(paths: Sequence[Path]) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns "file", "channels", "rate [Hz]", "duration [s]", "shaft", "to be stated" (or why it
-        cannot be read), "path" and "is_read".
+        Columns "file", "channels", "rate [Hz]", "duration [s]" (empty if it cannot be read),
+        "shaft" and "to be stated" (or why it cannot be read).
     """
     rows: list[dict[str, Any]] = []
     for path in paths:
-        row = {"file": printable(path), "path": path, "is_read": True}
+        row = {"file": printable(path)}
         try:
             found = contents_of(path)
             durations = contents_table(found)["duration [s]"]
@@ -165,10 +166,10 @@ def files_table(paths: Sequence[Path]) -> pd.DataFrame:
             row["duration [s]"] = f"{durations.max():.6g}"
             row["to be stated"] = "; ".join(found.open)
         except (ImportError, OSError, TypeError, ValueError) as error:
-            row |= {"to be stated": f"cannot be read: {error}", "is_read": False}
+            row["to be stated"] = f"cannot be read: {error}"
         rows.append(row)
     columns = ["file", "channels", "rate [Hz]", "duration [s]", "shaft", "to be stated"]
-    return pd.DataFrame(rows, columns=[*columns, "path", "is_read"]).fillna("")
+    return pd.DataFrame(rows, columns=columns).fillna("")
 
 
 def _numbers(values: Iterable[float]) -> list[str]:

@@ -56,8 +56,7 @@ class FileReports:
 
     def __init__(self, options: argparse.Namespace, layout: Layout, out: Path) -> None:
         actions = None if options.actions is None else inputs.read_actions(options.actions)
-        stated = options.parts is not None or options.bearing is not None
-        parts = parts_of_options(options) if stated else None
+        parts = parts_of_options(options) or None
         self._reports = Reports(read_settings(options.model, actions, parts), out)
         self._layout, self._unit, self._time = layout, options.unit, options.time
         self._out = out

@@ -104,7 +104,7 @@ class FileColumns:
         if len(found) == 1:
             return found[0]
         if found:
-            raise ValueError(f"{wanted!r} matches several columns: {_listed(found)}. Name one.")
+            raise ValueError(f"{wanted!r} matches several columns: {found}. Name one.")
         plain = split_unit(wanted)[0]
         if plain in self.ignored:
             raise ValueError(
@@ -113,7 +113,7 @@ class FileColumns:
             )
         other = next((name for name in known if not is_time_name(name)), wanted)
         raise ValueError(
-            f"it has no column {wanted!r}; its columns are {_listed(known)}. Where files differ, a "
+            f"it has no column {wanted!r}; its columns are {known}. Where files differ, a "
             f"layout may give several names: {f'{wanted}|{other}'!r}."
         )
 
@@ -289,7 +289,7 @@ def _check_units(content: FileColumns, layout: Layout, second: FileColumns | Non
         if not (is_named or may_lack or is_known):
             raise ValueError(
                 f"units names {name!r}, which is no column or channel; the columns are "
-                f"{_listed(list(content.columns))}. Correct the name, or leave it out."
+                f"{list(content.columns)}. Correct the name, or leave it out."
             )
 
 
@@ -298,12 +298,6 @@ def without_signal(content: FileColumns) -> str:
     rest = f"only {list(content.numbers)}" if content.numbers else "no array of numbers"
     reasons = [f"{name!r} {reason}" for name, reason in list(content.ignored.items())[:3]]
     return f"it contains no signal, {'; '.join([rest, *reasons])}. Store an array for each channel."
-
-
-def _listed(names: Sequence[str], longest: int = 20) -> str:
-    """Return names as a list; of many, the first ones."""
-    more = len(names) - longest
-    return str(list(names)) if more <= 0 else f"{list(names[:longest])} and {more} more"
 
 
 def _time_column(content: FileColumns, layout: Layout) -> str | None:

@@ -226,22 +226,20 @@ def read_tdms(path: Path, content: FileColumns) -> None:
         _check_complete(path, _end_of_segments(file))
         table = nptdms.TdmsFile.open(file)
         channels = [channel for group in table.groups() for channel in group.channels()]
-        starts = [one for c in channels if (one := c.properties.get("wf_start_time")) is not None]
-        content.start = pd.Timestamp(min(starts)) if starts else None
         names = [channel.name for channel in channels]
-        for channel in channels:
+        starts = [channel.properties.get("wf_start_time") for channel in channels]
+        content.start = min((pd.Timestamp(start) for start in starts if start), default=None)
+        for channel, start in zip(channels, starts, strict=True):
             twice = names.count(channel.name) > 1
             name = f"{channel.group_name}/{channel.name}" if twice else channel.name
             add_array(content, name, channel[:])
             properties = channel.properties
             if name in content.columns and properties.get("wf_increment"):
                 content.rates[name] = _rate(float(properties["wf_increment"]), digits=15)
-            unit = properties.get("unit_string") or properties.get("NI_UnitDescription")
-            if unit:
+            if unit := properties.get("unit_string") or properties.get("NI_UnitDescription"):
                 content.units[name] = str(unit)
-            content.starts[name] = float(properties.get("wf_start_offset", 0.0))
-            if (begun := properties.get("wf_start_time")) is not None:
-                content.starts[name] += (pd.Timestamp(begun) - content.start).total_seconds()
+            later = pd.Timestamp(start) - content.start if start else pd.Timedelta(0)
+            content.starts[name] = later.total_seconds() + properties.get("wf_start_offset", 0.0)
 
 
 def _end_of_segments(file: BinaryIO) -> int:
@@ -276,7 +274,7 @@ def read_uff(path: Path, content: FileColumns) -> None:
         if one.get("type") != 58:  # function at nodal degrees of freedom
             continue
         name = str(one.get("id1", "")).strip()
-        if not name or name.upper() == "NONE" or name in content.columns:
+        if name.upper() in ("", "NONE") or name in content.columns:
             name = f"x{number}"
         add_array(content, name, one["data"])
         step = float(one.get("abscissa_inc") or 0)
@@ -286,7 +284,7 @@ def read_uff(path: Path, content: FileColumns) -> None:
         elif len(times) > 1:
             content.rates[name] = rate_of_times(times - times[0], f"abscissa of {name}")
         unit = str(one.get("ordinate_axis_units_lab", "")).strip()
-        if unit and unit.upper() != "NONE":
+        if unit.upper() not in ("", "NONE"):
             content.units[name] = unit
         content.starts[name] = float(one.get("abscissa_min") or 0)
 
