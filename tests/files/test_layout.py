@@ -187,15 +187,14 @@ JITTER = np.arange(N) / 500 + np.where(np.arange(N) % 2, 0.0005, 0)
     ("times", "fs", "message"),
     [
         (GAP, None, r"a gap of 0.004 s after sample 76"),
-        (JITTER, None, "not evenly spaced at .* Hz: sample"),
-        (np.r_[JITTER, N / 500], 500, "not evenly spaced at 500 Hz: sample"),
+        (JITTER, None, "not evenly spaced .* after sample"),
+        (np.r_[JITTER, N / 500], 500, "not evenly spaced at 500 Hz"),
         (np.arange(N)[::-1] / 500, None, "does not increase at sample 1"),
         (np.r_[np.arange(N - 1), 3] / 500, None, "does not increase at sample 599"),
         (
             np.arange(N) / 500,
             480,
-            "not evenly spaced at 480 Hz: sample 3 is at 0.006 s instead of 0.00625 s; its mean "
-            "rate is 500 Hz",
+            "not evenly spaced at 480 Hz: its mean rate is 500 Hz",
         ),
         (
             np.r_[np.arange(30), 31, 30, np.arange(32, N)] / 500,
