@@ -104,8 +104,7 @@ def _run_reproduce(options: argparse.Namespace) -> None:
     folder = Path(__file__).parents[1] / "benchmarks" / "thesis"
     if not folder.is_dir():
         raise FileNotFoundError(
-            "the reproduction of the thesis is not installed with the package: run it in a copy "
-            "of the repository, as python benchmarks/thesis."
+            "the reproduction of the thesis runs in a copy of the repository: benchmarks/thesis."
         )
     sys.argv = [str(folder), *options.others]
     runpy.run_path(str(folder), run_name="__main__")

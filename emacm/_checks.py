@@ -103,10 +103,7 @@ def check_signal(values: ArrayLike, name: str, *, min_length: int = 2) -> NDArra
     if array.ndim != 1:
         raise ValueError(f"{name} must be one-dimensional, got shape {array.shape}.")
     if len(array) < min_length:
-        raise ValueError(
-            f"{name} must hold at least {min_length} sample{'s' if min_length > 1 else ''}, "
-            f"got {len(array)}."
-        )
+        raise ValueError(f"{name} must hold at least {min_length} samples, got {len(array)}.")
     check_finite(array, name)
     return array
 

@@ -52,8 +52,7 @@ class SavedEstimator(BaseEstimator):
         if saved != __version__:
             warnings.warn(
                 f"{type(self).__name__} was saved by emacm {saved} and is loaded by emacm "
-                f"{__version__}: its results may differ. Fit it again, or install the version "
-                f"that saved it.",
+                f"{__version__}: its results may differ. Fit it again.",
                 UserWarning,
                 stacklevel=2,
             )

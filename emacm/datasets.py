@@ -87,8 +87,7 @@ def load_cranfield(
 def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     if not path.is_file():
         raise FileNotFoundError(
-            f"there is no file {path}. The recordings are not part of emacm; see the "
-            f"documentation of load_cranfield for their source."
+            f"there is no file {path}. It is not part of emacm; see help(load_cranfield)."
         )
     try:
         with np.load(path, allow_pickle=False) as file:

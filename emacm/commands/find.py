@@ -80,9 +80,8 @@ def layout_of_options(options: argparse.Namespace, path: Path) -> Layout:
     contents = contents_of(path)
     if not contents.channels:
         raise ValueError(
-            f"{printable(path)} has no channel besides times and shaft. If it holds the speed "
-            f"of other files, select those by --pattern such as '*_vib.csv', and name it in a "
-            f"layout: velocity = {{file = ..., column = ...}}."
+            f"{printable(path)} has no channel. If it holds the speed of other files, select these "
+            f"by --pattern, and name it in a layout: velocity = {{file = ..., column = ...}}."
         )
     drafted = tomllib.loads(draft_layout(contents, path))
     remarks = contents.remarks
@@ -93,9 +92,8 @@ def layout_of_options(options: argparse.Namespace, path: Path) -> Layout:
         remarks = [*remarks, contents.of_shaft]
     if remarks:
         raise ValueError(
-            f"{printable(path)} does not state everything: {'; '.join(remarks)}. Give --speed in "
-            f"rpm if only the speed is missing, or write a layout: emacm inspect "
-            f"{printable(path)} --draft layout.toml, and give --layout layout.toml."
+            f"{printable(path)} does not state everything: {'; '.join(remarks)}. Give --speed, or "
+            f"write a layout by emacm inspect {printable(path)} --draft layout.toml."
         )
     return Layout(**drafted)
 

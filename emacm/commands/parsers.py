@@ -385,8 +385,7 @@ def _add_parts(add: Add) -> None:
 def _check_parts(options: argparse.Namespace) -> None:
     if not (options.bearing or options.parts):
         raise ValueError(
-            "the parts of the machine are not known: give --bearing 6205, or its geometry as "
-            "--bearing 9,7.94,39.04, or --parts FILE."
+            "the parts are not known: give --bearing 6205 (or 9,7.94,39.04), or --parts FILE."
         )
 
 
@@ -395,8 +394,7 @@ def _check_recipe(options: argparse.Namespace) -> None:
         _check_parts(options)
     elif options.bearing or options.parts:
         raise ValueError(
-            f"--recipe {options.recipe} has no use for --bearing and --parts. Leave them out, or "
-            f"give --recipe bearing."
+            f"--recipe {options.recipe} has no use for --bearing and --parts. Leave them out."
         )
 
 

@@ -49,8 +49,7 @@ def result_table(path: Path | None, model: Any, *, with_features: bool = False) 
     """
     if with_features and not (is_history(path) and isinstance(model, Pipeline)):
         raise ValueError(
-            "--features needs --out FILE.sqlite, and a model that is a pipeline whose last step is "
-            "the classifier."
+            "--features needs --out FILE.sqlite, and a pipeline that ends with the classifier."
         )
     if path is None:
         return PrintedTable(columns_of(model))
@@ -151,8 +150,7 @@ class ResultTable(Table):
             return _rows_of(self._frame(path), self.columns)
         except (ValueError, TypeError, AttributeError) as error:
             raise ValueError(
-                f"{path} is no table of these results: {error}. Choose another file for --out, or "
-                f"delete it."
+                f"{path} is no table of these results: {error}. Choose another file for --out."
             ) from error
 
     def _frame(self, path: Path) -> pd.DataFrame:

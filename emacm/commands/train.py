@@ -77,10 +77,7 @@ def run(options: argparse.Namespace) -> int:
         _print_channels(model, X, labels, groups, healthy, found)
         stated |= {"recordings": X, "model": model}
     else:
-        print(
-            "- The range of the training, outside of which recordings are stated to be, and the "
-            "known spectral lines are still those of the first training."
-        )
+        print("- The range of the training and its spectral lines are those of the first training.")
         model = Pipeline([*old.steps[:-1], (old.steps[-1][0], model)])
     evidence = training_evidence(found, labels, groups, **stated)
     save_model(model, options.out, note=options.note, healthy=healthy, evidence=evidence)
@@ -94,7 +91,7 @@ def _stored_features(model: Pipeline, options: argparse.Namespace) -> tuple[list
     if not names:
         raise ValueError(
             f"{options.folder} has no features of the model {options.like}: run emacm score with "
-            f"this model, --out {options.folder} and --features."
+            f"--features."
         )
     return names, features
 
@@ -174,15 +171,13 @@ def extent(
     for path, row in zip(map(printable, recordings.paths), quality.itertuples(), strict=True):
         if not row.revolutions > 0:
             raise ValueError(
-                f"{path}: the shaft is at rest, or never above --min-speed, so that it has no "
-                f"orders. Leave the file out."
+                f"{path}: the shaft is at rest, or never above --min-speed. Leave the file out."
             )
         if row.warnings:
             print(f"emacm: WARNING: {path}: {row.warnings}", file=sys.stderr)
         if orders is not None and orders > row.max_order:
             raise ValueError(
-                f"{path} has no content above order {row.max_order:.4g}. Lower --max-order, or "
-                f"leave the file out."
+                f"{path} has no content above order {row.max_order:.4g}. Lower --max-order."
             )
     if orders is None:
         orders = min(most_orders, floor(8 * quality["max_order"].min()) / 10)

@@ -55,8 +55,7 @@ def run(options: argparse.Namespace) -> int:
             display.figure_.savefig(unfinished, dpi=150, format=options.plot.suffix[1:] or "png")
     if options.machine and not any(name.endswith(":zone") for name in table.columns):
         print(
-            "emacm: WARNING: no zone of --machine is stated: zones need a channel of acceleration "
-            "whose unit the layout states as g, m/s2 or mm/s2.",
+            "emacm: WARNING: no zone of --machine: no channel has a unit of acceleration, as g.",
             file=sys.stderr,
         )
     latest = table[table["error"] == ""].groupby("unit", sort=True).tail(1)
@@ -100,8 +99,7 @@ def _from_files(options: argparse.Namespace, layout: Layout) -> tuple[pd.DataFra
     """Return the distances of files from healthy ones, and how many groups each limit is from."""
     if options.healthy is None or not options.paths or options.groups is None:
         raise ValueError(
-            "trend needs a folder of HEALTHY files, PATHs of others and --groups; or --results, a "
-            "table of emacm score."
+            "trend needs a folder of HEALTHY files, PATHs of others and --groups; or --results."
         )
     if options.machine is not None:
         severity_zone(0.0, options.machine)  # an unknown class is refused before files are read

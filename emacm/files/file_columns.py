@@ -108,8 +108,7 @@ class FileColumns:
         plain = split_unit(wanted)[0]
         if plain in self.ignored:
             raise ValueError(
-                f"{plain!r} {self.ignored[plain]}; it cannot be a channel or the shaft. Store it "
-                f"as an array of numbers, one for each time."
+                f"{plain!r} {self.ignored[plain]}; store it as numbers, one for each time."
             )
         other = next((name for name in known if not is_time_name(name)), wanted)
         raise ValueError(
@@ -210,8 +209,7 @@ def _check_starts(content: FileColumns, names: Sequence[str], rates: Mapping[str
     apart = starts[latest] - starts[earliest]
     if apart > 1e-3 + 1 / min(rates.get(name, 1000.0) for name in starts):
         raise ValueError(
-            f"{latest!r} starts {apart:.6g} s later than {earliest!r}. Cut both to the same start, "
-            f"or leave one out."
+            f"{latest!r} starts {apart:.6g} s later than {earliest!r}. Cut both to one start."
         )
 
 
@@ -259,8 +257,7 @@ def _delay(first: tuple[FileColumns, Layout], second: tuple[FileColumns, Layout]
     if dates != (None, None) and clocks[0 if dates[0] is None else 1]:
         raise ValueError(
             "its times cannot be compared with those of the first file: one of them are dates, the "
-            "others do not begin at 0. State both alike, or time = false for the second file if "
-            "both start at the same instant."
+            "others do not begin at 0. State time = false for it if both files start together."
         )
     return clocks[1] - clocks[0] if dates == (None, None) else 0.0
 
@@ -326,9 +323,8 @@ def _shaft_column(content: FileColumns, layout: Layout) -> str | None:
     example = similar[0] if similar else "speed"
     unit = unit_in_name(example) or "rpm"
     raise ValueError(
-        f"the layout names no shaft reference{hint}. Set velocity = '{example} [{unit}]' with its "
-        f"unit, or a number [rad/s], or angle, or tacho; its columns are "
-        f"{list(content.columns)}."
+        f"the layout names no shaft reference{hint}. Set velocity = '{example} [{unit}]', or a "
+        f"number [rad/s], or angle, or tacho; its columns are {list(content.columns)}."
     )
 
 
@@ -348,9 +344,8 @@ def _channel_columns(
     motions = [name for name in content.like_shaft() if name in rest]
     if motions:
         raise ValueError(
-            f"column {motions[0]!r} is named like the motion of the shaft, not like a channel. "
-            f"Name it in velocity, angle or tacho, or list the channels: channels = "
-            f"{[name for name in rest if name not in motions]}."
+            f"column {motions[0]!r} is named like the motion of the shaft. Name it in velocity, "
+            f"angle or tacho, or set channels = {[n for n in rest if n not in motions]}."
         )
     if not rest:
         raise ValueError(f"it has no channel besides {sorted(filter(None, ignored))}.")
@@ -515,7 +510,6 @@ def _shaft_unit(content: FileColumns, layout: Layout, column: str, kind: str) ->
         usual = unit_in_name(column) or "rpm" if kind == "velocity" else "deg"
         raise ValueError(
             f"the unit of {column!r} is not stated, and its name suggests another one than "
-            f"{default}. State it in the layout, under [units]: {column!r} = '{usual}', or what it "
-            f"is in."
+            f"{default}. State it in the layout, under [units]: {column!r} = '{usual}'."
         )
     return unit or default

@@ -300,8 +300,7 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> FileRecordin
         for second in others:
             if not second.is_file():
                 raise FileNotFoundError(
-                    f"{printable(file)}: there is no second file {printable(second)} with the "
-                    f"motion of its shaft. Correct its name in the layout."
+                    f"{printable(file)}: there is no second file {printable(second)}."
                 )
         states = tuple(FileState.of(str(one)) for one in (file, *others))
         return _opened(layout, states, layout.meta_of(file))

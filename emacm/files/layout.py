@@ -47,10 +47,7 @@ def read_toml(path: Path, *, largest: int = 1 << 20, longest: int = 30_000) -> d
         raise FileNotFoundError(f"there is no file {str(path)!r}.")
     lines = path.read_bytes().split(b"\n") if path.stat().st_size <= largest else []
     if not lines or max(map(len, lines)) > longest:
-        raise ValueError(
-            f"it has more than {largest} bytes, or {longest} in one line. Remove what is no "
-            f"setting, or divide the line."
-        )
+        raise ValueError(f"it has more than {largest} bytes, or {longest} in one line. Shorten it.")
     try:
         return tomllib.loads(b"\n".join(lines).decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
@@ -267,8 +264,7 @@ class Layout:
             if key in self.meta:
                 return dict(self.meta[key])
         raise ValueError(
-            f"the table of meta has no row for the file {file.name!r}. Add one, or leave the file "
-            f"out."
+            f"the table of meta has no row for the file {file.name!r}. Add one, or leave it out."
         )
 
 
@@ -397,8 +393,7 @@ def meta_from_name(path: PurePath, pattern: str) -> dict[str, Any]:
     longest, shortest = greedy.fullmatch(tried), lazy.fullmatch(tried)
     if longest is None or shortest is None:
         raise ValueError(
-            f"the file name {name!r} does not match the pattern {pattern!r} of meta. Rename the "
-            f"file, leave it out, or pass meta as a table."
+            f"the file name {name!r} does not match the pattern {pattern!r} of meta. Rename it."
         )
     if longest.groups() != shortest.groups():
         raise ValueError(

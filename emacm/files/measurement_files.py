@@ -88,8 +88,7 @@ def check_stated_size(path: Path, stated: float, *, ratio: int = 200, free: int 
     size = path.stat().st_size
     if stated > max(free, ratio * size):
         raise RefusedFileError(
-            f"it states arrays of {stated / 1e9:.4g} GB, but has {size} bytes. It is damaged, or "
-            f"made to fill the memory: leave it out, or save it without compression."
+            f"it states arrays of {stated / 1e9:.4g} GB, but has {size} bytes. Leave it out."
         )
 
 
@@ -203,8 +202,7 @@ def read_hdf5(path: Path, content: FileColumns, *, separator: str = "/") -> None
         elsewhere += [place for place, one in sets.items() if one.external or one.is_virtual]
         if elsewhere:
             raise RefusedFileError(
-                f"{elsewhere[0]!r} is stored in another file, which is not followed. Copy its "
-                f"samples into this file."
+                f"{elsewhere[0]!r} is stored in another file. Copy its samples into this one."
             )
         check_stated_size(path, sum(one.nbytes for one in sets.values()))
         _add_attributes(content, "", file.attrs)
@@ -261,8 +259,7 @@ def _check_complete(path: Path, stated: int) -> None:
     size = path.stat().st_size
     if size < stated:
         raise RefusedFileError(
-            f"it is truncated: it states {stated} bytes, there are {size}. Copy it again, or save "
-            f"what is left of it as another file."
+            f"it is truncated: it states {stated} bytes, there are {size}. Copy it again."
         )
 
 
