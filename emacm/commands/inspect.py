@@ -155,9 +155,9 @@ def files_table(paths: Sequence[Path]) -> pd.DataFrame:
         Columns "file", "channels", "rate [Hz]", "duration [s]" (empty if it cannot be read),
         "shaft" and "to be stated" (or why it cannot be read).
     """
-    rows: list[dict[str, Any]] = []
+    rows = []
     for path in paths:
-        row = {"file": printable(path)}
+        row: dict[str, Any] = {"file": printable(path)}
         try:
             found = contents_of(path)
             durations = contents_table(found)["duration [s]"]

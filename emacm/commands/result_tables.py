@@ -129,6 +129,8 @@ class ResultTable(Table):
         Columns, in this order.
     """
 
+    path: Path
+
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
         self.path, self.columns = path.resolve(), list(columns)
         self._parquet = path.suffix == ".parquet"

@@ -134,7 +134,7 @@ class TextTable(NamedTuple):
             values = pd.to_numeric(table.pop(name), errors="coerce").dropna()
             if len(values):
                 raise RefusedFileError(
-                    f"sample {values.index[0]} has the number {values.iloc[0]} in an unnamed column."
+                    f"sample {values.index[0]} has {values.iloc[0]} in a column without a name."
                 )
         content.columns |= {name: _numbers(table[name]) for name in table}
         content.units |= {n: u for n, u in zip(self.names, self.units, strict=False) if u}
