@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from math import isfinite
+from math import isfinite, nan
 from numbers import Integral, Real
+from operator import ge, gt, le, lt
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pandas import DataFrame, Series, factorize
+
+_LIMITS = {"above": gt, "at least": ge, "below": lt, "at most": le}
 
 
 @contextmanager
@@ -74,16 +77,13 @@ def check_table(values: Any) -> None:
     Dates would become numbers, or an error that names no column.
     """
     check_unmasked(values, "X")
+    dtypes = {"": getattr(values, "dtype", None)}
     if isinstance(values, DataFrame):
         check_unique_columns(values, "X")
-        for column, dtype in values.dtypes.items():
-            if getattr(dtype, "kind", "") in ("m", "M"):
-                raise TypeError(
-                    f"X must be numeric, got {dtype} values in column {column!r}. Convert times, "
-                    f"as by .dt.total_seconds()."
-                )
-    if getattr(getattr(values, "dtype", None), "kind", "") in ("m", "M"):
-        raise TypeError(f"X must be numeric, got {values.dtype} values.")
+        dtypes = {f" in column {column!r}": dtype for column, dtype in values.dtypes.items()}
+    for where, dtype in dtypes.items():
+        if getattr(dtype, "kind", "") in ("m", "M"):
+            raise TypeError(f"X must be numeric, got {dtype} values{where}. Convert times.")
 
 
 def check_finite(array: NDArray[np.floating], name: str) -> None:
@@ -119,28 +119,16 @@ def check_number(
     unit: str = "",
 ) -> float:
     """Return `value` as a finite float within the stated limits."""
-    if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
-        raise TypeError(f"{_wanted(name, unit, above, at_least, below, at_most)}, got {value!r}.")
-    number = float(value)
-    if (
-        not isfinite(number)
-        or (above is not None and not number > above)
-        or (at_least is not None and not number >= at_least)
-        or (below is not None and not number < below)
-        or (at_most is not None and not number <= at_most)
-    ):
-        raise ValueError(f"{_wanted(name, unit, above, at_least, below, at_most)}, got {value!r}.")
-    return number
-
-
-def _wanted(name: str, unit: str, *limits: float | None) -> str:
-    """Say what number was expected; only an error asks for it, as checks are many."""
-    words = ("above", "at least", "below", "at most")
-    stated = [f"{word} {x:.6g}" for word, x in zip(words, limits, strict=True) if x is not None]
-    quantity = f"{name} must be a number" + (f" of {unit}" if unit else "")
-    if not stated:
-        return quantity
-    return quantity + (", " if unit else " ") + " and ".join(stated)
+    is_number = isinstance(value, Real) and not isinstance(value, bool | np.bool_)
+    number = float(value) if is_number else nan
+    limits = list(zip(_LIMITS, (above, at_least, below, at_most), strict=True))
+    if isfinite(number) and all(x is None or _LIMITS[word](number, x) for word, x in limits):
+        return number
+    stated = " and ".join(f"{word} {x:.6g}" for word, x in limits if x is not None)
+    quantity = f"{name} must be a number{f' of {unit}' if unit else ''}"
+    separator = ", " if unit and stated else " " if stated else ""
+    kind = ValueError if is_number else TypeError
+    raise kind(f"{quantity}{separator}{stated}, got {value!r}.")
 
 
 def check_count(value: Any, name: str, *, at_least: int = 1, at_most: int | None = None) -> int:

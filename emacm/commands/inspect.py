@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -41,14 +42,10 @@ class Contents:
         Sampling rates that the file states, or its column of times [Hz].
     times, shaft : str or None
         Columns that are named like times and like the motion of the shaft, or is a tachometer.
-    shaft_unit : str
-        Unit of the shaft column, from the file or from its name; "" if it is not known.
     unused : dict of str to str
         Columns that are neither times, shaft nor channels, and why.
     remarks : list of str
         What must be stated in a layout, besides the shaft.
-    of_shaft : str
-        What must be stated of the shaft; "" if nothing.
     n_pulses : int
         Number of whole pulses in the shaft column, if it was found by these.
     """
@@ -57,16 +54,35 @@ class Contents:
     rates: dict[str, float]
     times: str | None
     shaft: str | None
-    shaft_unit: str
     unused: dict[str, str]
     remarks: list[str]
-    of_shaft: str = ""
     n_pulses: int = 0
 
     @property
     def kind(self) -> str:
         """What the shaft column is by its name, or its pulses: velocity, angle or tacho."""
-        return "tacho" if self.n_pulses else _kind(self.shaft or "")
+        words = (self.shaft or "").lower()
+        if self.n_pulses or "tach" in words or "keyphasor" in words:
+            return "tacho"
+        return "angle" if any(word in words for word in _ANGLES) else "velocity"
+
+    @property
+    def shaft_unit(self) -> str:
+        """Unit of the shaft column, from the file or from its name; "" if it is not known."""
+        for unit in (self.columns.units.get(self.shaft or "", ""), unit_in_name(self.shaft or "")):
+            with suppress(KeyError, ValueError):  # a tachometer, or another unit
+                unit_factor(unit, self.kind)
+                return unit
+        return ""
+
+    @property
+    def of_shaft(self) -> str:
+        """What must be stated of the shaft; "" if nothing."""
+        if self.n_pulses:
+            return f"pulses_per_rev of tacho: {self.shaft!r} has {self.n_pulses} pulses"
+        if self.shaft is None:
+            return "velocity, angle or tacho: no column is named like the motion of the shaft"
+        return "" if self.kind == "tacho" or self.shaft_unit else f"the unit of {self.shaft!r}"
 
     @property
     def open(self) -> list[str]:
@@ -203,20 +219,11 @@ def contents_of(path: Path) -> Contents:
     except ValueError as error:
         rates, remarks = stated_rates(columns), [str(error)]
     shafts = columns.like_shaft()
-    shaft = shafts[0] if shafts else None
-    unit = _shaft_unit(columns, shaft) if shaft else ""
-    found = Contents(columns, rates, times, shaft, unit, {}, remarks)
-    if shaft is None:
+    found = Contents(columns, rates, times, next(iter(shafts), None), {}, remarks)
+    if found.shaft is None:
         pulses = {name: count_pulses(v) for name, v in found.numbers.items() if name != times}
         found.shaft = next(filter(pulses.get, pulses), None)
         found.n_pulses = pulses.get(found.shaft or "", 0)
-        found.of_shaft = (
-            f"pulses_per_rev of tacho: {found.shaft!r} has {found.n_pulses} pulses"
-            if found.n_pulses
-            else "velocity, angle or tacho: no column is named like the motion of the shaft"
-        )
-    elif not unit and found.kind != "tacho":
-        found.of_shaft = f"the unit of {shaft!r}"
     texts = [name for name in columns.columns if name not in found.numbers and name != times]
     found.unused |= dict.fromkeys(texts, "it does not consist of numbers")
     found.unused |= dict.fromkeys(shafts[1:], "it is named like the motion of a shaft")
@@ -261,24 +268,6 @@ def count_pulses(values: NDArray[Any], *, fewest: int = 8, steady: float = 0.2) 
     intervals = np.diff(starts)
     change = np.median(np.abs(np.diff(intervals)) / intervals[1:])
     return len(starts) if change <= steady else 0
-
-
-def _kind(name: str) -> str:
-    words = name.lower()
-    if "tach" in words or "keyphasor" in words:
-        return "tacho"
-    return "angle" if any(word in words for word in _ANGLES) else "velocity"
-
-
-def _shaft_unit(columns: FileColumns, shaft: str) -> str:
-    """Return the unit of a speed or an angle; "" if it is not stated, or is another one."""
-    for unit in (columns.units.get(shaft, ""), unit_in_name(shaft)):
-        try:
-            unit_factor(unit, _kind(shaft))
-        except (KeyError, ValueError):
-            continue
-        return unit
-    return ""
 
 
 def contents_table(contents: Contents) -> pd.DataFrame:

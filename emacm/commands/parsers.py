@@ -141,8 +141,7 @@ def _find(command: Add) -> None:
     add = command(
         "find",
         "name faults of bearings and gears from the geometry, without training",
-        "0 if no fault is named; 1 if one is; 2 for invalid arguments; 3 if there is no answer for "
-        "some of the files.",
+        "0 if no fault is named; 1 if one is; 2 for invalid arguments; 3 if files have no answer.",
         _check_parts,
     )
     _add_files(add, needs_layout=False)
@@ -181,8 +180,7 @@ def _score(command: Add) -> None:
         "score",
         "apply a model to files; one row for each, also for those that cannot be read",
         "0 if all files were decided on; 1 if a decision of --fail-on was made; 2 for invalid "
-        "arguments, model or layout; 3 if files failed (their rows state why); 130 if it was "
-        "interrupted.",
+        "arguments; 3 if files failed (their rows state why); 130 if it was interrupted.",
     )
     add("model", metavar="MODEL", type=_existing, help="file of emacm.save_model")
     _add_files(add)
@@ -202,8 +200,8 @@ def _monitor(command: Add) -> None:
     add = command(
         "monitor",
         "apply a model to rows of numbers while they are measured; records as JSON lines",
-        "0 if all rows were processed; 2 for invalid arguments, model or layout; 3 if rows were "
-        "invalid and skipped (a line states why); 130 if it was interrupted.",
+        "0 if all rows were processed; 2 for invalid arguments; 3 if rows were skipped (a line "
+        "states why); 130 if it was interrupted.",
     )
     add("model", metavar="MODEL", type=_existing, help="file of emacm.save_model")
     add("source", metavar="FILE", help="text file that grows; - for the standard input")
@@ -287,10 +285,9 @@ def _report(command: Add) -> None:
 def _trend(command: Add) -> None:
     add = command(
         "trend",
-        "distance of the files of each unit from healthy ones over time, with a limit: of levels "
-        "of the lines of --bearing or --parts, else of powers in order bins of signal and envelope",
+        "distance from healthy files over time: of order bins, or of lines of --bearing or --parts",
         "0; 1 if --fail-on-alarm is given and the latest recording of a unit exceeds its limit; 2 "
-        "for invalid arguments or a single healthy group; 3 if files failed.",
+        "for invalid arguments; 3 if files failed.",
     )
     add("healthy", metavar="HEALTHY", type=_existing, nargs="?", help="folder of healthy files")
     _add_files(add, "*")

@@ -486,12 +486,12 @@ def _shaft(
             speed, unit = constant_speed(content.chosen(speed)) or (0.0, "")
         return {"velocity": float(speed) * unit_factor(unit, "velocity"), "shaft_fs": fs}
     kind = "angle" if layout.angle is not None else "velocity"
-    if column in content.numbers:
-        factor = unit_factor(_shaft_unit(content, layout, column, kind), kind)
-        return {"velocity": content.numbers[column] * factor, "shaft_fs": fs}
-    values = check_signal(content.columns[column], f"the shaft column {column!r}")
-    default = fs if len(values) in n_times else None
-    rate = _rate(content, layout, rates, column, column, default)
+    values: Any = content.numbers.get(column)
+    rate = fs
+    if values is None:
+        values = check_signal(content.columns[column], f"the shaft column {column!r}")
+        default = fs if len(values) in n_times else None
+        rate = _rate(content, layout, rates, column, column, default)
     if layout.tacho is not None:
         options = dict(layout.tacho) if isinstance(layout.tacho, Mapping) else {}
         options.pop("column", None)

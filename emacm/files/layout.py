@@ -406,16 +406,15 @@ def meta_from_name(path: PurePath, pattern: str) -> dict[str, Any]:
 def _compiled_pattern(
     pattern: str,
 ) -> tuple[re.Pattern[str], re.Pattern[str], dict[str, Callable[[str], Any]]]:
-    greedy = lazy = ""
+    greedy = ""
     kinds: dict[str, Callable[[str], Any]] = {}
     try:
         for text, field, kind, _ in Formatter().parse(pattern):
-            greedy, lazy = greedy + re.escape(text), lazy + re.escape(text)
+            greedy += re.escape(text)
             if field is not None:
                 expression, kinds[field] = _FIELDS[kind or ""]
                 greedy += f"(?P<{field}>{expression})"
-                lazy += f"(?P<{field}>{expression}{'' if kind else '?'})"
-        compiled = re.compile(greedy), re.compile(lazy)
+        compiled = re.compile(greedy), re.compile(greedy.replace("[^/]+", "[^/]+?"))
     except (ValueError, KeyError, re.error):
         kinds = {}
     if not kinds:
