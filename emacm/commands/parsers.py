@@ -146,7 +146,7 @@ def _find(command: Add) -> None:
     )
     _add_files(add, needs_layout=False)
     _add_parts(add)
-    add("--speed", type=_above_zero, metavar="RPM", help="constant speed, used in place of files")
+    add("--speed", type=_above_zero, metavar="RPM", help="constant speed, not that of the files")
     add("--healthy", type=_existing, metavar="FOLDER", help="files of this machine without faults")
     add("--out", type=_writable, metavar="CSV", help="table with all scores")
     add("--plot", type=Path, metavar="DIR", help="folder for a picture of each finding")
@@ -161,7 +161,7 @@ def _train(command: Add) -> None:
     like = "model whose classifier is fitted again, on the features that its other steps made"
     add("--like", type=_existing, metavar="MODEL", help=like)
     add("--labels", required=True, metavar="FIELD", help="state: a field of the layout's meta")
-    add("--groups", required=True, metavar="FIELD", help="field of the units to hold out, or runs")
+    add("--groups", required=True, metavar="FIELD", help="unit, held out as a whole: such a field")
     recipe = "orders (default): powers in order bins; actuator; bearing: levels of fault lines"
     add("--recipe", choices=("orders", "actuator", "bearing"), default="orders", help=recipe)
     _add_parts(add)

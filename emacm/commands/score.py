@@ -67,8 +67,8 @@ class _Work:
         costs = options.cost.read_text(encoding="utf-8") if options.cost else None
         settings = (digest_of_file(options.model), layout.key, repr(layout.meta), costs)
         self._settings_digest = sha256(repr((*settings, options.priors)).encode()).hexdigest()
-        self._same = {"model": model_digest(model)}
-        self._same["model_note"] = model_description(options.model)["note"] or ""
+        note = model_description(options.model)["note"] or ""
+        self._same = {"model": model_digest(model), "model_note": note}
         self._reported = time.monotonic()
         self._table = result_table(options.out, model, with_features=options.features)
         self._reports: Any = None

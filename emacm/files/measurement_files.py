@@ -88,7 +88,8 @@ def check_stated_size(path: Path, stated: float, *, ratio: int = 200, free: int 
     size = path.stat().st_size
     if stated > max(free, ratio * size):
         raise RefusedFileError(
-            f"it states arrays of {stated / 1e9:.4g} GB, but has {size} bytes. Leave it out."
+            f"it states arrays of {stated / 1e9:.4g} GB, but has {size} bytes. It is damaged, or "
+            f"made to fill the memory. Leave it out."
         )
 
 
