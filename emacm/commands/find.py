@@ -80,7 +80,7 @@ def layout_of_options(options: argparse.Namespace, path: Path) -> Layout:
     contents = contents_of(path)
     if not contents.channels:
         raise ValueError(
-            f"{printable(path)} has no channel. If it holds the speed of other files, select these "
+            f"{printable(path)} has no channel. If it holds the speed of other files, select those "
             f"by --pattern, and name it in a layout: velocity = {{file = ..., column = ...}}."
         )
     drafted = tomllib.loads(draft_layout(contents, path))

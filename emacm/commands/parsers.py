@@ -221,7 +221,7 @@ def _monitor(command: Add) -> None:
     add("--page", type=Path, metavar="DIR", help="folder of fleet.html, the page of all units")
     kept = "store the signals of N readings up to each alarm, which emacm score decides on again"
     add("--keep-alarms", type=_count, metavar="N", help=kept)
-    add("--evidence", type=Path, default=Path("evidence"), metavar="DIR", help="their folder")
+    add("--evidence", type=Path, default=Path("evidence"), metavar="DIR", help="folder of the signals")
     _add_alarms(add)
 
 
