@@ -45,11 +45,11 @@ def _command(
     status = f"Exit status: {statuses}" if statuses else None
     parser = commands.add_parser(name, help=meaning, description=f"{meaning}.", epilog=status)
 
-    def run_module(options: argparse.Namespace) -> int:
+    def run_checked(options: argparse.Namespace) -> Any:
         check(options)
-        return import_module(f"emacm.commands.{name}").run(options)
+        return (run or import_module(f"emacm.commands.{name}").run)(options)
 
-    parser.set_defaults(run=run or run_module)
+    parser.set_defaults(run=run_checked)
     return parser.add_argument
 
 
@@ -221,7 +221,8 @@ def _monitor(command: Add) -> None:
     add("--page", type=Path, metavar="DIR", help="folder of fleet.html, the page of all units")
     kept = "store the signals of N readings up to each alarm, which emacm score decides on again"
     add("--keep-alarms", type=_count, metavar="N", help=kept)
-    add("--evidence", type=Path, default=Path("evidence"), metavar="DIR", help="folder of the signals")
+    folder = "folder of these signals (default: evidence)"
+    add("--evidence", type=Path, default=Path("evidence"), metavar="DIR", help=folder)
     _add_alarms(add)
 
 
@@ -329,6 +330,7 @@ def _verify(command: Add) -> None:
         "compute known answers of the field on this computer; or the evaluation of a model again",
         "0 if all are within their tolerance; 1 if one is not; 2 for invalid arguments.",
         _check_verify,
+        _run_verify,
     )
     model = "file of emacm train, whose figures are computed again from --data"
     add("model", metavar="MODEL", type=_existing, nargs="?", help=model)
@@ -340,6 +342,25 @@ def _verify(command: Add) -> None:
 def _check_verify(options: argparse.Namespace) -> None:
     if len({options.model is None, options.layout is None, options.data is None}) > 1:
         raise ValueError("give MODEL, --layout and --data together, or none of them.")
+
+
+def _run_verify(options: argparse.Namespace) -> int:
+    from emacm.files.folder import RecordingFolder
+    from emacm.files.layout import Layout
+    from emacm.models.model_files import model_description
+    from emacm.reports.written_pages import written_record
+    from emacm.verification.models import verify_model
+    from emacm.verification.record import verify
+
+    if options.model is None:
+        found = verify()
+    else:
+        evidence = model_description(options.model).get("evidence") or {}
+        layout, pattern = Layout.from_toml(options.layout), evidence.get("pattern") or "**/*"
+        found = verify_model(options.model, RecordingFolder(options.data, layout, pattern))
+    text = written_record(found, options.out, as_json=options.json)
+    print(text or f"{found.summary}: {options.out}")
+    return 0 if found.passed else 1
 
 
 def _add_record(add: Add) -> None:

@@ -56,9 +56,8 @@ def read_columns(path: Path) -> FileColumns:
     """
     reader = READERS.get(path.suffix.lower())
     if reader is None:
-        kind = f"of type {path.suffix}" if path.suffix else "without a suffix"
         raise ValueError(
-            f"files {kind} are not read; known are {sorted(READERS)}. Convert it, or leave it out."
+            f"files of type {path.suffix!r} are not read; known are {sorted(READERS)}. Convert it."
         )
     size = path.stat().st_size
     if not path.is_file():

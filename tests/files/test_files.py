@@ -334,8 +334,8 @@ def test_columns_that_are_ambiguous_or_missing_are_refused(tmp_path, columns, op
     ("name", "content", "message"),
     [
         ("a.npz", b"", r"the file is empty \(0 bytes\)"),
-        ("a.xyz", b"1", r"files of type .xyz are not read; known are \['.csv', "),
-        ("a", b"1", "files without a suffix are not read"),
+        ("a.xyz", b"1", r"files of type '.xyz' are not read; known are \['.csv', "),
+        ("a", b"1", "files of type '' are not read"),
         ("a.npz", b"no archive", r"cannot be read as a .npz file"),
         ("a.wav", b"RIFF\x04\x00\x00\x00AVI ", r"cannot be read as a .wav file"),
     ],
