@@ -139,8 +139,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _show(contents: Contents) -> None:
-    with pd.option_context("display.width", 200, "display.max_columns", None):
-        print(contents_table(contents).to_string())
+    print(contents_table(contents).to_string())
     for name, number in contents.columns.numbers.items():
         print(f"{name} = {number:.9g} {contents.columns.units.get(name, '')}".rstrip())
     for name, reason in contents.unused.items():

@@ -115,8 +115,12 @@ class _Work:
         except (OSError, ValueError):
             return ""
 
-    def _rows(self, paths: Sequence[Path]) -> list[Row]:
-        """Return the rows of files in order; so many new ones are written as run in parallel."""
+    def _rows(self, paths: Sequence[Path], most: int = 32, quick: float = 1.0) -> list[Row]:
+        """Return the rows of files in order; those of new ones are written batch by batch.
+
+        A batch grows up to `most` files while one takes less than `quick` seconds: little is lost
+        by a kill.
+        """
         rows: list[Row] = []
         new: list[tuple[Path, Row]] = []
         at_once = effective_n_jobs(self._options.jobs)
@@ -126,7 +130,10 @@ class _Work:
             if key not in self._done:
                 new.append((path, rows[-1]))
             if len(new) >= at_once or number == len(paths):
+                started = time.monotonic()
                 self._decide(new)
+                if time.monotonic() - started < quick:
+                    at_once = max(at_once, min(2 * at_once, most))
                 new = []
                 self._report(number, len(paths))
         return rows

@@ -187,10 +187,9 @@ def recording_arguments(
         "units": {name: unit for name, unit in units.items() if unit},
     }
     highest = max(fs.values())
-    if of_second is None:
+    if of_second is None or second is None:
         n_times = {len(values) for values in signals.values()}
         return arguments | _shaft(content, layout, shaft, rates, highest, n_times)
-    second = FileColumns() if second is None else second
     with located("the second file"):
         shaft = _shaft_column(second, of_second)
         rates = rates_of_columns(second, of_second, _time_column(second, of_second))
