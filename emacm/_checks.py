@@ -196,8 +196,6 @@ def _first_word(values: Any, array: NDArray[Any]) -> str:
         for index, value in enumerate(given):
             if isinstance(value, bool) or not isinstance(value, Real):
                 return f"{repr(value)[:60]} at sample {index}. Repair or convert it"
-    if array.dtype.kind == "O" and array.ndim:
-        return "objects. Convert them, as by .astype(float)"
     return repr(values) if array.ndim == 0 else f"{array.dtype} values"
 
 

@@ -155,11 +155,9 @@ def _find(command: Add) -> None:
 def _train(command: Add) -> None:
     add = command("train", "fit a recipe on files, evaluate and save it", check=_check_recipe)
     add("layout", metavar="LAYOUT", type=_existing, help="layout of the files (TOML)")
-    folder = "folder of the files; with --like, a history with features of score"
-    add("folder", metavar="FOLDER", type=_existing, help=folder)
+    add("folder", metavar="FOLDER", type=_existing, help="of the files; with --like, a history")
     _add_pattern(add)
-    like = "model whose classifier is fitted again, on the features that its other steps made"
-    add("--like", type=_existing, metavar="MODEL", help=like)
+    add("--like", type=_existing, metavar="MODEL", help="fit it again, on features in a history")
     add("--labels", required=True, metavar="FIELD", help="state: a field of the layout's meta")
     add("--groups", required=True, metavar="FIELD", help="unit, held out as a whole: such a field")
     recipe = "orders (default): powers in order bins; actuator; bearing: levels of fault lines"
@@ -219,8 +217,7 @@ def _monitor(command: Add) -> None:
     sink = "FILE.sqlite, influx:FILE, prometheus:FILE.prom or mqtt://[user@]host[:port]/topic"
     add("--sink", action="append", default=[], metavar="SINK", help=sink)
     add("--page", type=Path, metavar="DIR", help="folder of fleet.html, the page of all units")
-    kept = "store the signals of N readings up to each alarm, which emacm score decides on again"
-    add("--keep-alarms", type=_count, metavar="N", help=kept)
+    add("--keep-alarms", type=_count, metavar="N", help="keep signals of N readings up to alarms")
     folder = "folder of these signals (default: evidence)"
     add("--evidence", type=Path, default=Path("evidence"), metavar="DIR", help=folder)
     _add_alarms(add)
@@ -228,8 +225,7 @@ def _monitor(command: Add) -> None:
 
 def _add_alarms(add: Add) -> None:
     """Add when an alarm is raised and cleared."""
-    healthy = "decision that is no reason for an alarm; default: healthy or normal"
-    add("--healthy", metavar="LABEL", help=healthy)
+    add("--healthy", metavar="LABEL", help="decision without alarm; default: healthy or normal")
     accepted = "accepted false alarms in 1000 operating hours, from which the rest follows"
     add("--false-alarms", type=_above_zero, default=1.0, metavar="N", help=accepted)
     after = "raise an alarm after K of N readings; default: as --false-alarms needs, of 5"
@@ -276,10 +272,8 @@ def _report(command: Add) -> None:
     add = command("report", "write maintenance reports of files, an HTML page for each")
     add("model", metavar="MODEL", type=_existing, help="file of emacm.save_model")
     _add_files(add)
-    out = "folder of the pages, or one file that ends with .html (default: report)"
-    add("--out", type=Path, default=Path("report"), metavar="DIR", help=out)
-    history = "table of earlier results, of emacm score, for 'since when' and the page of the fleet"
-    add("--history", type=_existing, metavar="FILE", help=history)
+    add("--out", type=Path, default=Path("report"), metavar="DIR", help="folder, or one .html file")
+    add("--history", type=_existing, metavar="FILE", help="table of earlier results of emacm score")
     _add_report_options(add)
 
 
@@ -299,8 +293,7 @@ def _trend(command: Add) -> None:
     add("--unit", metavar="FIELD", help="unit: a field of the layout's meta")
     _add_parts(add)
     _add_time(add)
-    rate = "probability that a healthy recording exceeds the limit (default: 0.05)"
-    add("--false-alarm", type=_probability, default=0.05, metavar="P", help=rate)
+    add("--false-alarm", type=_probability, default=0.05, metavar="P", help="rate (default: 0.05)")
     add("--out", type=_writable, metavar="CSV", help="table (default: standard output)")
     add("--plot", type=_writable, metavar="PNG", help="draw the trend of each unit")
     machine = "for zones of RMS velocity: 'group 2 rigid' of ISO 20816-3, 'class I' of 10816-1"
@@ -380,9 +373,8 @@ def _add_files(add: Add, number: str = "+", *, needs_layout: bool = True) -> Non
     """Add the files that a command reads, and their layout."""
     kind = Path if needs_layout else _existing  # of others, one that is gone has a row or a page
     add("paths", metavar="PATH", type=kind, nargs=number, help="files, or folders of files")
-    layout = "layout of the files (TOML)"
-    if not needs_layout:
-        layout += "; default: as emacm inspect drafts it, if it leaves nothing open"
+    default = "" if needs_layout else "; default: a draft that leaves nothing open"
+    layout = f"layout of the files (TOML){default}"
     add("--layout", required=needs_layout, type=_existing, metavar="L", help=layout)
     _add_pattern(add)
 
@@ -433,14 +425,12 @@ def _add_extent(add: Add) -> None:
     add("--max-order", type=_above_zero, metavar="N", help=orders)
     length = "revolutions per segment; default: half of the shortest recording, at most 16"
     add("--revolutions", type=_above_zero, metavar="N", help=length)
-    speed = "speed up to which the shaft counts as standing still [rad/s]"
-    add("--min-speed", type=float, default=0.0, metavar="N", help=speed)
+    add("--min-speed", type=float, default=0.0, metavar="N", help="at rest up to this [rad/s]")
 
 
 def _add_report_options(add: Add) -> None:
     """Add what the reports of ``emacm report`` and ``emacm score`` have in common."""
-    actions = "recommended action for each decision: TOML, decision = 'text'"
-    add("--actions", type=_existing, metavar="TOML", help=actions)
+    add("--actions", type=_existing, metavar="TOML", help="for each decision: decision = 'text'")
     _add_parts(add)
     add("--unit", metavar="FIELD", help="unit: a field of the layout's meta")
     _add_time(add)

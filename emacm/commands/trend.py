@@ -54,10 +54,7 @@ def run(options: argparse.Namespace) -> int:
         with written_whole(options.plot) as unfinished:
             display.figure_.savefig(unfinished, dpi=150, format=options.plot.suffix[1:] or "png")
     if options.machine and not any(name.endswith(":zone") for name in table.columns):
-        print(
-            "emacm: WARNING: no zone of --machine: no channel has a unit of acceleration, as g.",
-            file=sys.stderr,
-        )
+        print("emacm: WARNING: --machine needs a channel in g, m/s2 or mm/s2.", file=sys.stderr)
     latest = table[table["error"] == ""].groupby("unit", sort=True).tail(1)
     meanings = _meanings(latest, n_groups)
     print(*meanings, sep="\n", file=sys.stderr if options.out is None else sys.stdout)
