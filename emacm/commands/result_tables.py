@@ -198,11 +198,10 @@ def lines_of(
     rows: Sequence[Row], columns: Sequence[str], *, as_json: bool = False, heading: bool = False
 ) -> str:
     """Return records as lines of JSON or CSV; numbers so that they are read back exactly."""
-    table = [{name: row[name] for name in columns} for row in rows]
     if as_json:
+        table = [{name: row[name] for name in columns} for row in rows]
         return "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in table)
-    cells = [[*map(as_cell, row.values())] for row in table]
-    frame = pd.DataFrame(cells, columns=columns, dtype=object)
+    frame = pd.DataFrame(rows, columns=columns, dtype=object).map(as_cell)
     return frame.to_csv(index=False, header=heading, lineterminator="\n")
 
 
