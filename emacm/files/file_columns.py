@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import Any
@@ -373,7 +373,7 @@ def stated_rates(content: FileColumns) -> dict[str, float]:
     {'b': 25.0}
     """
     rates: dict[str, float] = {}
-    for name, rate in _hertz(content):
+    for name, rate in _hertz(content).items():
         last = re.split(r"[/.]", name)[-1]
         if _is_rate(last):
             columns = {c: len(v) for c, v in content.columns.items()}
@@ -388,20 +388,18 @@ def _own_rates(content: FileColumns) -> dict[str, float]:
     named = {
         column: rate
         for column in content.columns
-        for name, rate in _hertz(content)
+        for name, rate in _hertz(content).items()
         for rest in (name.removesuffix(f"_{column}"), name.removeprefix(f"{column}_"))
         if rest != name and _is_rate(rest)
     }
     return named | content.rates
 
 
-def _hertz(content: FileColumns) -> Iterator[tuple[str, float]]:
-    """Yield the numbers that may be rates [Hz]."""
+def _hertz(content: FileColumns) -> dict[str, float]:
+    """Return the numbers that may be rates [Hz]."""
     hertz = {"": 1.0, "hz": 1.0, "khz": 1000.0}
-    for name, number in content.numbers.items():
-        rate = number * hertz.get(content.units.get(name, "").lower(), 0.0)
-        if rate > 0:
-            yield name, rate
+    sizes = {name: hertz.get(content.units.get(name, "").lower(), 0.0) for name in content.numbers}
+    return {name: x * sizes[name] for name, x in content.numbers.items() if x * sizes[name] > 0}
 
 
 def _is_rate(name: str) -> bool:
