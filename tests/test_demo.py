@@ -183,7 +183,8 @@ def test_probabilities_and_expected_costs_are_printed_beside_each_other(run):
         assert row[-1].replace("_", " ") == truth
         assert row[0].replace("_", " ") == model[-1].predict(features)[0]
         expected = [model[-1].risk(features)[0].min(), *model[-1].typicality(features)]
-        expected += [*model[-1].predict_proba(features)[0]]
+        known = 1 - model[-1].unknown_proba(features)[0]
+        expected += [*known * model[-1].predict_proba(features)[0]]
         assert np.array(row[1:-1], float) == pytest.approx(expected, abs=6e-4)
 
 
