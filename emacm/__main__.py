@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from emacm._version import __version__
-from emacm.commands.parsers import add_parsers
+from emacm.commands.parsers import add_jobs, add_parsers
 
 _INTERRUPTED = 130  # exit code, as of a shell
 
@@ -82,8 +82,7 @@ def _parser() -> argparse.ArgumentParser:
     demo.set_defaults(run=_run_demo)
     folder = "folder for the model and the picture (default: emacm_demo)"
     demo.add_argument("--out", type=Path, default=Path("emacm_demo"), metavar="DIR", help=folder)
-    jobs = "number of tasks in parallel; -1: one per core (default: 2)"
-    demo.add_argument("--jobs", type=_job_count, default=2, metavar="N", help=jobs)
+    add_jobs(demo.add_argument, "tasks", default=2)
     commands.add_parser(
         "reproduce",
         help="compute the published figures of the thesis again, and compare them",
@@ -92,27 +91,12 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _job_count(text: str) -> int:
-    try:
-        n_jobs = int(text)
-    except ValueError:
-        n_jobs = 0
-    if n_jobs < 1 and n_jobs != -1:
-        raise argparse.ArgumentTypeError(
-            f"expected a whole number of at least 1, or -1 for one per core, got {text!r}"
-        )
-    return n_jobs
-
-
 def _run_demo(options: argparse.Namespace) -> None:
     from emacm import demo  # imported here, so that --help and --version answer at once
 
     if importlib.util.find_spec("matplotlib") is None:
         raise ImportError("demo draws pictures: run pip install 'emacm[plot]' for matplotlib.")
-    try:
-        options.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OSError(f"cannot write to the folder {options.out}: {error}") from error
+    options.out.mkdir(parents=True, exist_ok=True)
     demo.simulated_demo(options.out, n_jobs=options.jobs)
 
 
@@ -120,8 +104,7 @@ def _run_reproduce(options: argparse.Namespace) -> None:
     folder = Path(__file__).parents[1] / "benchmarks" / "thesis"
     if not folder.is_dir():
         raise FileNotFoundError(
-            "the reproduction of the thesis is not installed with the package: run it in a copy "
-            "of the repository, as python benchmarks/thesis."
+            "the reproduction of the thesis runs in a copy of the repository: benchmarks/thesis."
         )
     sys.argv = [str(folder), *options.others]
     runpy.run_path(str(folder), run_name="__main__")

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from math import isfinite
+from math import isfinite, nan
 from numbers import Integral, Real
+from operator import ge, gt, le, lt
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pandas import DataFrame, Series, factorize
+
+_LIMITS = {"above": gt, "at least": ge, "below": lt, "at most": le}
 
 
 @contextmanager
@@ -74,16 +77,15 @@ def check_table(values: Any) -> None:
     Dates would become numbers, or an error that names no column.
     """
     check_unmasked(values, "X")
+    dtypes = {"": getattr(values, "dtype", None)}
     if isinstance(values, DataFrame):
         check_unique_columns(values, "X")
-        for column, dtype in values.dtypes.items():
-            if getattr(dtype, "kind", "") in ("m", "M"):
-                raise TypeError(
-                    f"X must be numeric, got {dtype} values in column {column!r}. Convert times, "
-                    f"as by .dt.total_seconds()."
-                )
-    if getattr(getattr(values, "dtype", None), "kind", "") in ("m", "M"):
-        raise TypeError(f"X must be numeric, got {values.dtype} values.")
+        dtypes = {f" in column {column!r}": dtype for column, dtype in values.dtypes.items()}
+    for where, dtype in dtypes.items():
+        if getattr(dtype, "kind", "") in ("m", "M"):
+            raise TypeError(
+                f"X must be numeric, got {dtype} values{where}. Use .dt.total_seconds()."
+            )
 
 
 def check_finite(array: NDArray[np.floating], name: str) -> None:
@@ -103,10 +105,7 @@ def check_signal(values: ArrayLike, name: str, *, min_length: int = 2) -> NDArra
     if array.ndim != 1:
         raise ValueError(f"{name} must be one-dimensional, got shape {array.shape}.")
     if len(array) < min_length:
-        raise ValueError(
-            f"{name} must hold at least {min_length} sample{'s' if min_length > 1 else ''}, "
-            f"got {len(array)}."
-        )
+        raise ValueError(f"{name} must hold at least {min_length} samples, got {len(array)}.")
     check_finite(array, name)
     return array
 
@@ -122,28 +121,16 @@ def check_number(
     unit: str = "",
 ) -> float:
     """Return `value` as a finite float within the stated limits."""
-    if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
-        raise TypeError(f"{_wanted(name, unit, above, at_least, below, at_most)}, got {value!r}.")
-    number = float(value)
-    if (
-        not isfinite(number)
-        or (above is not None and not number > above)
-        or (at_least is not None and not number >= at_least)
-        or (below is not None and not number < below)
-        or (at_most is not None and not number <= at_most)
-    ):
-        raise ValueError(f"{_wanted(name, unit, above, at_least, below, at_most)}, got {value!r}.")
-    return number
-
-
-def _wanted(name: str, unit: str, *limits: float | None) -> str:
-    """Say what number was expected; only an error asks for it, as checks are many."""
-    words = ("above", "at least", "below", "at most")
-    stated = [f"{word} {x:.6g}" for word, x in zip(words, limits, strict=True) if x is not None]
-    quantity = f"{name} must be a number" + (f" of {unit}" if unit else "")
-    if not stated:
-        return quantity
-    return quantity + (", " if unit else " ") + " and ".join(stated)
+    is_number = isinstance(value, Real) and not isinstance(value, bool | np.bool_)
+    number = float(value) if is_number else nan
+    limits = list(zip(_LIMITS, (above, at_least, below, at_most), strict=True))
+    if isfinite(number) and all(x is None or _LIMITS[word](number, x) for word, x in limits):
+        return number
+    stated = " and ".join(f"{word} {x:.6g}" for word, x in limits if x is not None)
+    quantity = f"{name} must be a number{f' of {unit}' if unit else ''}"
+    separator = ", " if unit and stated else " " if stated else ""
+    kind = ValueError if is_number else TypeError
+    raise kind(f"{quantity}{separator}{stated}, got {value!r}.")
 
 
 def check_count(value: Any, name: str, *, at_least: int = 1, at_most: int | None = None) -> int:
@@ -211,8 +198,6 @@ def _first_word(values: Any, array: NDArray[Any]) -> str:
         for index, value in enumerate(given):
             if isinstance(value, bool) or not isinstance(value, Real):
                 return f"{repr(value)[:60]} at sample {index}. Repair or convert it"
-    if array.dtype.kind == "O" and array.ndim:
-        return "objects. Convert them, as by .astype(float)"
     return repr(values) if array.ndim == 0 else f"{array.dtype} values"
 
 
@@ -229,13 +214,7 @@ def group_codes(groups: Any, n_recordings: int) -> NDArray[np.intp]:
             f"groups must have one label for each of the {n_recordings} recordings, got "
             f"{len(labels)}."
         )
-    try:
-        codes, _ = factorize(labels)
-    except TypeError as error:  # lists, dicts
-        raise TypeError(
-            f"groups must be labels, such as names or numbers, got {labels.iloc[0]!r}. Join the "
-            f"parts of a label to a text or a tuple."
-        ) from error
+    codes, _ = factorize(labels)
     if (codes < 0).any():
         raise ValueError(
             f"groups must have a label for every recording; that of recording "

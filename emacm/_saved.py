@@ -52,8 +52,7 @@ class SavedEstimator(BaseEstimator):
         if saved != __version__:
             warnings.warn(
                 f"{type(self).__name__} was saved by emacm {saved} and is loaded by emacm "
-                f"{__version__}: its results may differ. Fit it again, or install the version "
-                f"that saved it.",
+                f"{__version__}: its results may differ. Fit it again.",
                 UserWarning,
                 stacklevel=2,
             )
@@ -130,17 +129,7 @@ def values_as_lists() -> Iterator[None]:
 def _written(value: Any) -> Any:
     """Return a value as texts, numbers, lists, tuples, dictionaries of texts, and arrays."""
     if isinstance(value, pd.DataFrame):
-        return {
-            _KIND: "frame",
-            "columns": [_written(value[name].to_numpy()) for name in value.columns],
-            "index": _labels(value.index),
-            "names": _labels(value.columns),
-        }
-    if isinstance(value, pd.Series):
-        index = _labels(value.index)
-        return {_KIND: "series", "values": _written(value.to_numpy()), "index": index}
-    if isinstance(value, pd.Index):
-        return {_KIND: "index", "values": _labels(value)}
+        return {_KIND: "frame", **_written(value.to_dict("split"))}
     if hasattr(value, "digest") and hasattr(value, "signals"):
         return f"a recording that is not stored in the model file; digest {value.digest}"
     if type(value) is dict and all(type(key) is str for key in value):
@@ -153,25 +142,14 @@ def _written(value: Any) -> Any:
     return value
 
 
-def _labels(index: pd.Index) -> list[Any]:
-    return [_written(label) for label in index.tolist()]
-
-
 def _restored(value: Any) -> Any:
     """Return what `_written` was given."""
     if type(value) in (list, tuple):
         return type(value)(map(_restored, value))
     if type(value) is not dict:
         return value
-    kind = value.get(_KIND)
-    if kind is None:
-        return {key: _restored(inner) for key, inner in value.items()}
-    if kind == "mapping":
-        return {_restored(key): _restored(inner) for key, inner in value["items"]}
-    if kind == "index":
-        return pd.Index(_restored(value["values"]))
-    index = _restored(value["index"])
-    if kind == "series":
-        return pd.Series(_restored(value["values"]), index=index)
-    columns = dict(enumerate(map(_restored, value["columns"])))
-    return pd.DataFrame(columns, index=index).set_axis(_restored(value["names"]), axis=1)
+    restored = {key: _restored(inner) for key, inner in value.items()}
+    kind = restored.pop(_KIND, None)
+    if kind == "frame":
+        return pd.DataFrame(**restored)
+    return dict(restored["items"]) if kind == "mapping" else restored

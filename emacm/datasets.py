@@ -15,7 +15,6 @@ from scipy.spatial.distance import pdist, squareform
 from emacm.recordings.recording import Recording
 from emacm.shaft.angle import angle_from_position
 
-# Arrays of a file, of no, one and two dimensions: sequences, and times.
 _CONSTANTS = ("fs", "lead_mm")
 _LABELS = ("state", "load_kgf", "run", "group")
 _SIGNALS = ("current", "position_error", "set_point")
@@ -58,7 +57,7 @@ def load_cranfield(
     FileNotFoundError
         If there is no such file.
     ValueError
-        If the file does not have this layout; the message names the array.
+        If the file lacks an array, or its signals are not finite.
 
     References
     ----------
@@ -88,8 +87,7 @@ def load_cranfield(
 def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     if not path.is_file():
         raise FileNotFoundError(
-            f"there is no file {path}. The recordings are not part of emacm; see the "
-            f"documentation of load_cranfield for their source."
+            f"there is no file {path}. It is not part of emacm; see help(load_cranfield)."
         )
     try:
         with np.load(path, allow_pickle=False) as file:
@@ -103,27 +101,7 @@ def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
             f"{path.name} lacks {', '.join(missing)}; expected are the arrays "
             f"{', '.join(expected)}."
         )
-    shape = arrays["current"].shape
-    for n_dimensions, names in enumerate((_CONSTANTS, _LABELS, _SIGNALS)):
-        for name in names:
-            _check_array(arrays[name], f"{name} of {path.name}", shape[:n_dimensions])
     return arrays
-
-
-def _check_array(array: NDArray[Any], name: str, shape: tuple[int, ...]) -> None:
-    """Raise a ValueError if it has another shape, or another kind of values."""
-    if name.startswith("state"):
-        valid, what = array.dtype.kind in "US", "text"
-    else:
-        valid, what = array.dtype.kind in "fiu", "finite real numbers"
-        valid = valid and bool(np.isfinite(array).all())
-    if not valid:
-        raise ValueError(f"{name} must be {what}, got dtype {array.dtype}.")
-    if array.shape != shape and array.squeeze().shape != shape:
-        raise ValueError(
-            f"{name} must have shape {shape}, got {array.shape}: signals (n_sequences, n_times), "
-            f"labels (n_sequences,), constants ()."
-        )
 
 
 def _without_copies(arrays: dict[str, NDArray[Any]], same: float = 1e-5) -> NDArray[np.intp]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import sys
 import tempfile
-import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,13 +21,13 @@ from sklearn.preprocessing import FunctionTransformer
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.families import family_costs
-from emacm.decisions.metrics import expected_cost, neg_expected_cost
+from emacm.decisions.metrics import neg_expected_cost
 from emacm.displays import DecisionRegionsDisplay, OrderSpectrumDisplay
 from emacm.displays._drawing import offscreen_panels
 from emacm.evaluation.scoring import scoring_rule
 from emacm.machine.fault_orders import fault_orders
 from emacm.models.model_files import load_model, save_model
-from emacm.models.scoring import outside_training
+from emacm.models.scoring import score
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
@@ -86,7 +85,6 @@ def simulated_demo(out: Path, *, n_jobs: int | None = None) -> None:
         models[missed] = copy.deepcopy(model).set_params(costsensitivegaussianbayes__cost=cost)
         print_decisions(truths, models[missed].predict(others), cost)
     print("\nThe higher the cost of a missed detection, the more units are inspected.")
-    _print_unlike(models[MISSED[0]], others[0])
     _save_and_diagnose(models[MISSED[0]], out / "simulated.emacm", others[::6], truths[::6])
     _draw(models, recordings, states, out / "simulated.png")
 
@@ -116,39 +114,30 @@ def priors(classes: ArrayLike) -> dict[str, float]:
 
 
 def print_decisions(truths: Labels, decisions: Labels, cost: pd.DataFrame) -> None:
-    """Print the cost matrix, the confusion table, the three rates and the mean cost.
+    """Print the confusion table, the three rates, and the mean cost beside its yardsticks.
 
     A healthy unit whose state is called unknown is inspected, and counts as such.
     """
-    faults = cost.columns.drop(HEALTHY)
-    print(f"\nCosts: missed detection {cost.loc[HEALTHY, faults[0]]:g}, ", end="")
-    print(f"false alarm {cost.loc[faults[0], HEALTHY]:g}, inspection {INSPECTION:g}; ", end="")
-    print(f"probability of {HEALTHY}: {P_HEALTHY:g}")
     table = pd.crosstab(pd.Series(decisions), pd.Series(truths))
     table = table.reindex(index=cost.index, columns=cost.columns, fill_value=0)
+    faults = table.columns.drop(HEALTHY)
+    print(
+        f"\nCosts: missed detection {cost.loc[HEALTHY, faults[0]]:g}, "
+        f"false alarm {cost.loc[faults[0], HEALTHY]:g}, inspection {INSPECTION:g}; "
+        f"probability of {HEALTHY}: {P_HEALTHY:g}"
+    )
     named = table.set_axis([f"decision: {name}" for name in table.index])
     print(named.add_prefix("true: ").to_string())
-    rates = []
-    for name, made, true in (
-        ("false alarm", faults, [HEALTHY]),
-        ("inspection", [INSPECT, UNKNOWN], [HEALTHY]),
-        ("missed detection", [HEALTHY], faults),
+    of_healthy, of_faulty = table[HEALTHY], table[faults].sum(axis=1)
+    for name, made, counts in (
+        ("false alarm", faults, of_healthy),
+        ("inspection", [INSPECT, UNKNOWN], of_healthy),
+        ("missed detection", [HEALTHY], of_faulty),
     ):
-        count, total = table.loc[made, true].to_numpy().sum(), table[true].to_numpy().sum()
-        kind = "faulty" if true is faults else HEALTHY
-        print(f"{name} rate: {100 * count / total:.0f} % ({count} of {total} {kind} recordings)")
-        rates.append(count / total)
-    print(
-        f"in service, of 1000 recordings, {1000 * P_HEALTHY:.0f} of them {HEALTHY}: "
-        f"{1000 * P_HEALTHY * rates[0]:.0f} false alarms, "
-        f"{1000 * P_HEALTHY * rates[1]:.0f} needless inspections, "
-        f"{1000 * (1 - P_HEALTHY) * rates[2]:.0f} missed detections"
-    )
-    shares = priors(faults.union([HEALTHY]).drop(UNKNOWN, errors="ignore"))
-    paid = sum(
-        share * expected_cost(truths[truths == state], decisions[truths == state], cost=cost)
-        for state, share in shares.items()
-    )
+        count, total = counts[made].sum(), counts.sum()
+        print(f"{name} rate: {100 * count / total:.0f} % ({count} of {total} recordings)")
+    shares = priors(table.columns)
+    paid = (cost * table / table.sum()).sum() @ pd.Series(shares)[cost.columns]
     rule = scoring_rule(np.unique(truths), healthy=HEALTHY, cost=cost, priors=shares)
     constant = rule.constant_costs(truths.tolist())["realised_cost"]
     texts = [f"{name} {value:.3f}" for name, value in constant.items()]
@@ -158,26 +147,6 @@ def print_decisions(truths: Labels, decisions: Labels, cost: pd.DataFrame) -> No
             f"This model is worse than {constant.index[0]}: small faults look healthy to it. At "
             "this cost, inspect every unit, or record a signal that shows them."
         )
-
-
-def _print_unlike(model: Pipeline, recording: Recording) -> None:
-    """Print decisions on a recording with wrong inputs, and what is unlike the training."""
-    print("\nThe first of these recordings with wrong inputs, which no training recording has:")
-    angle, (current, sound) = recording.angle, (recording.signals[name] for name in _CHANNELS)
-    rates = {name: recording.fs[name] for name in _CHANNELS}
-    wrong = {
-        "gain of 1000": (1000 * current, 1000 * sound, angle),
-        "channels swapped": (sound, current, angle),
-        "speed in rpm": (current, sound, angle * 60 / (2 * np.pi)),
-    }
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # the same statements
-        for name, (*signals, turned) in wrong.items():
-            channels = dict(zip(_CHANNELS, signals, strict=True))
-            changed = Recording(channels, rates, angle=turned, shaft_fs=recording.shaft_fs)
-            print(f"{name}: decision {str(model.predict([changed])[0])!r}")
-            for statement in outside_training(model, [changed])[0]:
-                print(f"    {statement}")
 
 
 def _search(
@@ -204,14 +173,8 @@ def _search(
         search = GridSearchCV(cached, grid, cv=GroupKFold(4), n_jobs=n_jobs, **scoring)
         left_out = {"bintransformer__groups": units, "costsensitivegaussianbayes__groups": units}
         search.fit(recordings, labels, groups=units, **left_out)
-    best = search.best_params_
-    print(
-        f"\nGridSearchCV, split by unit, best of {len(search.cv_results_['params'])} settings: "
-        f"theta_s = 2 pi / {2 * np.pi / best['orderresampler__theta_s']:g},\n"
-        f"segments of {best['orderpsd__revolutions']} revolutions, bins of "
-        f"{best['bintransformer__bin_size']:g} orders; mean cost of the folds left out: "
-        f"{0 - search.best_score_:.3f}"
-    )
+    print(f"\nGridSearchCV, split by unit, best of {len(search.cv_results_['params'])} settings:")
+    print(f"{search.best_params_}; mean cost of the folds left out: {0 - search.best_score_:.3f}")
     return search.best_estimator_.set_params(orderpsd__memory=None)
 
 
@@ -220,16 +183,10 @@ def _save_and_diagnose(
 ) -> None:
     """Save and load a model, and print its decisions with probabilities and expected costs."""
     save_model(model, file, note="demonstration on simulated actuators", healthy=HEALTHY)
-    loaded = load_model(file)
     print(f"\nModel saved as {file}, loaded again, and applied to recordings of the test set:")
-    features, classifier = loaded[:-1].transform(unseen), loaded[-1]
-    probabilities, risks = classifier.predict_proba(features), classifier.risk(features)
-    tables = {
-        "": pd.DataFrame({"true": truths, "decision": classifier.predict(features)}),
-        "probability of": pd.DataFrame(probabilities, columns=classifier.classes_),
-        "expected cost of deciding": pd.DataFrame(risks, columns=classifier.decisions_),
-    }
-    print(pd.concat(tables, axis=1).round(3).to_string(index=False))
+    table = score(load_model(file), unseen).assign(true=truths).round(3)
+    shown = table.filter(regex=r"true|decision|expected_cost|typicality|P\(")
+    print(shown.to_string(index=False))
 
 
 def _draw(

@@ -57,23 +57,6 @@ def test_a_file_that_is_not_there_says_where_recordings_come_from(tmp_path):
         load_cranfield(tmp_path / "nothing.npz")
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        ("current", np.full((6, 60), "0.1"), "finite real numbers, got dtype <U3"),
-        ("run", np.arange(5), r"shape \(6,\), got \(5,\)"),
-        ("state", np.arange(6), "text, got dtype int64"),
-        ("position_error", np.where(np.arange(360) == 75, np.nan, 0).reshape(6, 60), "finite"),
-        ("set_point", np.zeros(360), "must have shape"),
-        ("fs", np.array([25.0, 25.0]), "must have shape"),
-    ],
-)
-def test_an_array_of_another_kind_is_named_with_its_file(tmp_path, name, value, message):
-    arrays = sequences() | {name: value}
-    with pytest.raises(ValueError, match=rf"^{name} of actuator\.npz .*{message}"):
-        load_cranfield(written(tmp_path, arrays))
-
-
 def test_a_file_of_another_kind_is_told_apart(tmp_path):
     (tmp_path / "notes.npz").write_text("no arrays")
     with pytest.raises(ValueError, match=r"notes\.npz .*npz file"):

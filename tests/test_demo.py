@@ -27,7 +27,7 @@ def parsed_decisions(text):
                 "rates": {
                     name: (int(count), int(total))
                     for name, count, total in re.findall(
-                        r"^([a-z ]+) rate: .*\((\d+) of (\d+) \w+ recordings\)$", block, re.M
+                        r"^([a-z ]+) rate: .*\((\d+) of (\d+) recordings\)$", block, re.M
                     )
                 },
                 "cost": float(re.search(r"in service: ([\d.]+);", block).group(1)),
@@ -84,20 +84,9 @@ def test_figures_in_service_are_weighted_to_realistic_priors(capsys):
     demo.print_decisions(truths, decisions, demo.cost_matrix(["healthy", "worn"], 9))
     printed = capsys.readouterr().out
     assert (
-        "in service, of 1000 recordings, 900 of them healthy: 90 false alarms, "
-        "630 needless inspections, 20 missed detections\n"
         "cost of a recording in service: 0.675; always 'inspect' 0.500, always 'healthy' 0.900, "
         "always 'unknown' 1.000\nThis model is worse than always 'inspect'"
     ) in printed
-
-
-@pytest.mark.slow
-def test_wrong_inputs_are_stated(run):
-    printed = run["text"].split("with wrong inputs")[1].split("Model saved")[0]
-    names = re.findall(r"^([a-z].+): decision '.+'$", printed, re.M)
-    assert names == ["gain of 1000", "channels swapped", "speed in rpm"]
-    for words in ("60 dB above training", "are they swapped?", "is it in rpm?"):
-        assert words in printed
 
 
 def test_a_missed_detection_is_the_expensive_error_and_priors_sum_to_one():
@@ -185,16 +174,18 @@ def test_the_search_is_stated_and_uses_as_many_threads_as_wanted(run):
 
 @pytest.mark.slow
 def test_probabilities_and_expected_costs_are_printed_beside_each_other(run):
-    rows = run["text"].split("expected cost of deciding")[1].splitlines()[2:]
+    rows = run["text"].split("of the test set:\n")[1].splitlines()[1:]
     rows = [line.replace("inner ring", "inner_ring").split() for line in rows if line.strip()]
     model = load_model(run["folder"] / "simulated.emacm")
     chosen, truths = run["unseen"][::6], run["truths"][::6]
     for row, truth, recording in zip(rows, truths, chosen, strict=False):
         features = model[:-1].transform([recording])
-        assert row[0].replace("_", " ") == truth
-        assert row[1].replace("_", " ") == model[-1].predict(features)[0]
-        expected = [*model[-1].predict_proba(features)[0], *model[-1].risk(features)[0]]
-        assert np.array(row[2:], float) == pytest.approx(expected, abs=6e-4)
+        assert row[-1].replace("_", " ") == truth
+        assert row[0].replace("_", " ") == model[-1].predict(features)[0]
+        expected = [model[-1].risk(features)[0].min(), *model[-1].typicality(features)]
+        known = 1 - model[-1].unknown_proba(features)[0]
+        expected += [*known * model[-1].predict_proba(features)[0]]
+        assert np.array(row[1:-1], float) == pytest.approx(expected, abs=6e-4)
 
 
 @pytest.mark.slow

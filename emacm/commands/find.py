@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -12,8 +11,7 @@ import pandas as pd
 
 from emacm._saved import written_whole
 from emacm.commands.inspect import contents_of, draft_layout
-from emacm.commands.paths import expanded
-from emacm.files.folder import open_recording
+from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.machine.rolling import bearing_of
 from emacm.models.find_faults import find_faults, healthy_scores
@@ -34,14 +32,11 @@ def run(options: argparse.Namespace) -> int:
         0; 1 if a fault is named; 3 if there is no answer for some of the files.
     """
     parts = parts_of_options(options)
-    layout = layout_of_options(options, expanded(options.paths, None, options.pattern)[0])
-    paths = expanded(options.paths, layout, options.pattern)
+    layout = layout_of_options(options, recording_files(options.paths, None, options.pattern)[0])
+    paths = recording_files(options.paths, layout, options.pattern)
     healthy = None
     if options.healthy is not None:
-        known = [
-            open_recording(path, layout)
-            for path in expanded([options.healthy], layout, options.pattern)
-        ]
+        known = RecordingFolder(options.healthy, layout, options.pattern)
         healthy = healthy_scores(known, parts)
     rows: list[dict[str, Any]] = []
     for path in paths:
@@ -85,28 +80,20 @@ def layout_of_options(options: argparse.Namespace, path: Path) -> Layout:
     contents = contents_of(path)
     if not contents.channels:
         raise ValueError(
-            f"{printable(path)} has no channel besides times and shaft. If it holds the speed "
-            f"of other files, select those by --pattern such as '*_vib.csv', and name it in a "
-            f"layout: velocity = {{file = ..., column = ...}}."
+            f"{printable(path)} has no channel. If it holds the speed of other files, select those "
+            f"by --pattern, and name it in a layout: velocity = {{file = ..., column = ...}}."
         )
     drafted = tomllib.loads(draft_layout(contents, path))
     remarks = contents.remarks
     if options.speed is not None:
-        if contents.shaft:
-            print(
-                f"emacm: WARNING: --speed {options.speed:g} rpm is used, and {contents.shaft!r} of "
-                f"the files is not.",
-                file=sys.stderr,
-            )
         drafted = {name: value for name, value in drafted.items() if name not in ("angle", "tacho")}
         drafted["velocity"] = f"{options.speed:g} rpm"
     elif contents.of_shaft:
         remarks = [*remarks, contents.of_shaft]
     if remarks:
         raise ValueError(
-            f"{printable(path)} does not state everything: {'; '.join(remarks)}. Give --speed in "
-            f"rpm if only the speed is missing, or write a layout: emacm inspect "
-            f"{printable(path)} --draft layout.toml, and give --layout layout.toml."
+            f"{printable(path)} does not state everything: {'; '.join(remarks)}. Give --speed, or "
+            f"write a layout by emacm inspect {printable(path)} --draft layout.toml."
         )
     return Layout(**drafted)
 

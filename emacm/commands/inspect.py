@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,13 +16,13 @@ from numpy.typing import NDArray
 
 from emacm._checks import located
 from emacm._saved import written_whole
-from emacm.commands.paths import expanded
 from emacm.files.file_columns import (
     FileColumns,
     rates_of_columns,
     stated_rates,
     without_signal,
 )
+from emacm.files.folder import recording_files
 from emacm.files.layout import Layout, meta_from_name
 from emacm.files.readers import read_columns
 from emacm.recordings.names import is_time_name, printable, unit_factor, unit_in_name
@@ -41,14 +42,10 @@ class Contents:
         Sampling rates that the file states, or its column of times [Hz].
     times, shaft : str or None
         Columns that are named like times and like the motion of the shaft, or is a tachometer.
-    shaft_unit : str
-        Unit of the shaft column, from the file or from its name; "" if it is not known.
     unused : dict of str to str
         Columns that are neither times, shaft nor channels, and why.
     remarks : list of str
         What must be stated in a layout, besides the shaft.
-    of_shaft : str
-        What must be stated of the shaft; "" if nothing.
     n_pulses : int
         Number of whole pulses in the shaft column, if it was found by these.
     """
@@ -57,16 +54,35 @@ class Contents:
     rates: dict[str, float]
     times: str | None
     shaft: str | None
-    shaft_unit: str
     unused: dict[str, str]
     remarks: list[str]
-    of_shaft: str = ""
     n_pulses: int = 0
 
     @property
     def kind(self) -> str:
         """What the shaft column is by its name, or its pulses: velocity, angle or tacho."""
-        return "tacho" if self.n_pulses else _kind(self.shaft or "")
+        words = (self.shaft or "").lower()
+        if self.n_pulses or "tach" in words or "keyphasor" in words:
+            return "tacho"
+        return "angle" if any(word in words for word in _ANGLES) else "velocity"
+
+    @property
+    def shaft_unit(self) -> str:
+        """Unit of the shaft column, from the file or from its name; "" if it is not known."""
+        for unit in (self.columns.units.get(self.shaft or "", ""), unit_in_name(self.shaft or "")):
+            with suppress(KeyError, ValueError):  # a tachometer, or another unit
+                unit_factor(unit, self.kind)
+                return unit
+        return ""
+
+    @property
+    def of_shaft(self) -> str:
+        """What must be stated of the shaft; "" if nothing."""
+        if self.n_pulses:
+            return f"pulses_per_rev of tacho: {self.shaft!r} has {self.n_pulses} pulses"
+        if self.shaft is None:
+            return "velocity, angle or tacho: no column is named like the motion of the shaft"
+        return "" if self.kind == "tacho" or self.shaft_unit else f"the unit of {self.shaft!r}"
 
     @property
     def open(self) -> list[str]:
@@ -107,23 +123,23 @@ def run(options: argparse.Namespace) -> int:
     int
         0; 3 if a file of a folder cannot be read.
     """
-    paths, failed = [options.file], False
-    if options.file.is_dir():
-        table = files_table(expanded(paths, None, options.pattern))
-        print(table.drop(columns=["path", "is_read"]).to_string(index=False), end="\n\n")
-        paths = table.sort_values("is_read", ascending=False, kind="stable")["path"].tolist()
-        failed = not table["is_read"].all()
-        print(f"{printable(paths[0])}:")
-    with located(printable(paths[0])):
-        contents = contents_of(paths[0])
+    path, failed = options.file, False
+    if path.is_dir():
+        paths = recording_files([path], None, options.pattern)
+        table = files_table(paths)
+        print(table.to_string(index=False), end="\n\n")
+        is_read = table["duration [s]"] != ""
+        path, failed = paths[is_read.argmax()], not is_read.all()
+        print(f"{printable(path)}:")
+    with located(printable(path)):
+        contents = contents_of(path)
     _show(contents)
-    _write(contents, paths[0], options)
+    _write(contents, path, options)
     return 3 if failed else 0
 
 
 def _show(contents: Contents) -> None:
-    with pd.option_context("display.width", 200, "display.max_columns", None):
-        print(contents_table(contents).to_string())
+    print(contents_table(contents).to_string())
     for name, number in contents.columns.numbers.items():
         print(f"{name} = {number:.9g} {contents.columns.units.get(name, '')}".rstrip())
     for name, reason in contents.unused.items():
@@ -151,12 +167,12 @@ def files_table(paths: Sequence[Path]) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns "file", "channels", "rate [Hz]", "duration [s]", "shaft", "to be stated" (or why it
-        cannot be read), "path" and "is_read".
+        Columns "file", "channels", "rate [Hz]", "duration [s]" (empty if it cannot be read),
+        "shaft" and "to be stated" (or why it cannot be read).
     """
-    rows: list[dict[str, Any]] = []
+    rows = []
     for path in paths:
-        row = {"file": printable(path), "path": path, "is_read": True}
+        row: dict[str, Any] = {"file": printable(path)}
         try:
             found = contents_of(path)
             durations = contents_table(found)["duration [s]"]
@@ -165,10 +181,10 @@ def files_table(paths: Sequence[Path]) -> pd.DataFrame:
             row["duration [s]"] = f"{durations.max():.6g}"
             row["to be stated"] = "; ".join(found.open)
         except (ImportError, OSError, TypeError, ValueError) as error:
-            row |= {"to be stated": f"cannot be read: {error}", "is_read": False}
+            row["to be stated"] = f"cannot be read: {error}"
         rows.append(row)
     columns = ["file", "channels", "rate [Hz]", "duration [s]", "shaft", "to be stated"]
-    return pd.DataFrame(rows, columns=[*columns, "path", "is_read"]).fillna("")
+    return pd.DataFrame(rows, columns=columns).fillna("")
 
 
 def _numbers(values: Iterable[float]) -> list[str]:
@@ -202,20 +218,11 @@ def contents_of(path: Path) -> Contents:
     except ValueError as error:
         rates, remarks = stated_rates(columns), [str(error)]
     shafts = columns.like_shaft()
-    shaft = shafts[0] if shafts else None
-    unit = _shaft_unit(columns, shaft) if shaft else ""
-    found = Contents(columns, rates, times, shaft, unit, {}, remarks)
-    if shaft is None:
+    found = Contents(columns, rates, times, next(iter(shafts), None), {}, remarks)
+    if found.shaft is None:
         pulses = {name: count_pulses(v) for name, v in found.numbers.items() if name != times}
         found.shaft = next(filter(pulses.get, pulses), None)
         found.n_pulses = pulses.get(found.shaft or "", 0)
-        found.of_shaft = (
-            f"pulses_per_rev of tacho: {found.shaft!r} has {found.n_pulses} pulses"
-            if found.n_pulses
-            else "velocity, angle or tacho: no column is named like the motion of the shaft"
-        )
-    elif not unit and found.kind != "tacho":
-        found.of_shaft = f"the unit of {shaft!r}"
     texts = [name for name in columns.columns if name not in found.numbers and name != times]
     found.unused |= dict.fromkeys(texts, "it does not consist of numbers")
     found.unused |= dict.fromkeys(shafts[1:], "it is named like the motion of a shaft")
@@ -260,24 +267,6 @@ def count_pulses(values: NDArray[Any], *, fewest: int = 8, steady: float = 0.2) 
     intervals = np.diff(starts)
     change = np.median(np.abs(np.diff(intervals)) / intervals[1:])
     return len(starts) if change <= steady else 0
-
-
-def _kind(name: str) -> str:
-    words = name.lower()
-    if "tach" in words or "keyphasor" in words:
-        return "tacho"
-    return "angle" if any(word in words for word in _ANGLES) else "velocity"
-
-
-def _shaft_unit(columns: FileColumns, shaft: str) -> str:
-    """Return the unit of a speed or an angle; "" if it is not stated, or is another one."""
-    for unit in (columns.units.get(shaft, ""), unit_in_name(shaft)):
-        try:
-            unit_factor(unit, _kind(shaft))
-        except (KeyError, ValueError):
-            continue
-        return unit
-    return ""
 
 
 def contents_table(contents: Contents) -> pd.DataFrame:

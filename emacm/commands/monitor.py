@@ -231,7 +231,8 @@ class _Stream:
     def _content(self, rows: Iterable[bytes]) -> FileColumns:
         content = FileColumns()
         self._table.add_columns(content, StringIO(b"".join(rows).decode()))
-        return content.without_units_in_names()
+        content.take_units_from_names()
+        return content
 
     def _process(self, rows: list[bytes]) -> None:
         """Record the readings that are complete with these rows, or why the rows are skipped."""

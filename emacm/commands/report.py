@@ -12,8 +12,7 @@ import numpy as np
 import pandas as pd
 
 from emacm.commands.find import parts_of_options
-from emacm.commands.paths import expanded
-from emacm.files.folder import open_recording
+from emacm.files.folder import open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.history.records import record_of, times_of
 from emacm.history.sqlite_history import History, is_history
@@ -34,7 +33,7 @@ def run(options: argparse.Namespace) -> int:
         0; 3 if there is no decision on some of the files, whose pages state why.
     """
     layout = Layout.from_toml(options.layout)
-    paths = expanded(options.paths, layout, options.pattern)
+    paths = recording_files(options.paths, layout, options.pattern)
     reports = FileReports(options, layout, options.out)
     history = None if options.history is None else inputs.read_results(options.history)
     last, failed = reports.write(paths, history)
@@ -57,8 +56,7 @@ class FileReports:
 
     def __init__(self, options: argparse.Namespace, layout: Layout, out: Path) -> None:
         actions = None if options.actions is None else inputs.read_actions(options.actions)
-        stated = options.parts is not None or options.bearing is not None
-        parts = parts_of_options(options) if stated else None
+        parts = parts_of_options(options) or None
         self._reports = Reports(read_settings(options.model, actions, parts), out)
         self._layout, self._unit, self._time = layout, options.unit, options.time
         self._out = out

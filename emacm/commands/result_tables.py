@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from sklearn.pipeline import Pipeline
 
 from emacm._saved import written_whole
 from emacm.history.records import SCHEMA, record_of
 from emacm.history.sqlite_history import History, is_history
 from emacm.models.scoring import score_columns
+from emacm.recordings.digests import model_digest
 from emacm.reports.inputs import as_cell, of_cell
 
 Row = dict[str, Any]
@@ -28,55 +30,92 @@ def columns_of(model: Any, *, of_streams: bool = False) -> list[str]:
     return [*first, *(n for n in record_of({}) if n not in (*first, *left_out))]
 
 
-def result_table(path: Path, model: Any) -> ResultTable | HistoryTable:
-    """Return the table in a file.
+def result_table(path: Path | None, model: Any, *, with_features: bool = False) -> Table:
+    """Return the table in a file, or on the standard output.
 
     Parameters
     ----------
-    path : Path
+    path : Path or None
         A file that ends with .csv, .jsonl, .parquet, .sqlite or .db.
     model : estimator
         Fitted classifier.
+    with_features : bool
+        Whether a history also stores the features of each recording.
 
     Raises
     ------
     ValueError
-        If the name of the file has another suffix.
+        If the name of the file has another suffix, or there is no place for features.
     """
+    if with_features and not (is_history(path) and isinstance(model, Pipeline)):
+        raise ValueError(
+            "--features needs --out FILE.sqlite, and a pipeline that ends with the classifier."
+        )
+    if path is None:
+        return PrintedTable(columns_of(model))
     if is_history(path):
-        return HistoryTable(path)
+        return HistoryTable(path, model_digest(model[:-1]) if with_features else None)
     if path.suffix not in (".csv", ".jsonl", ".parquet"):
         raise ValueError(f"{str(path)!r} must end with one of .csv, .jsonl, .parquet, .sqlite.")
     return ResultTable(path, columns_of(model, of_streams=path.suffix == ".jsonl"))
 
 
-class HistoryTable:
-    """A history as a table that is never read as a whole: only names, decisions and errors are."""
+class Table:
+    """Rows that are written as soon as they are known; `path` is None if there is no file."""
 
-    def __init__(self, path: Path) -> None:
-        self.path, self._history = path.resolve(), History(path)
+    path: Path | None = None
+
+    def read(self) -> list[Row]:
+        """Return the rows that were written before."""
+        return []
+
+    def write(self, rows: Sequence[Row]) -> None:
+        """Write these rows in place of all others, where a table has an order."""
+
+    def append(self, row: Row, features: Any) -> Row:
+        """Write one row, and return what `read` will return of it."""
+        raise NotImplementedError
+
+    def finish(self, rows: Sequence[Row]) -> None:
+        """Write these rows as `write` does, in the type of the file."""
+        self.write(rows)
+
+
+class PrintedTable(Table):
+    """Rows on the standard output, as CSV."""
+
+    def __init__(self, columns: Sequence[str]) -> None:
+        self._columns = columns
+        print(lines_of([], columns, heading=True), end="")
+
+    def append(self, row: Row, features: Any) -> Row:
+        """Print a row."""
+        print(lines_of([row], self._columns), end="", flush=True)
+        return row
+
+
+class HistoryTable(Table):
+    """A history as a table that is never read as a whole: only names, decisions and errors are.
+
+    The features are stored under the digest of the steps that made them, if it is given.
+    """
+
+    def __init__(self, path: Path, made_by: str | None) -> None:
+        self.path, self._history, self._made_by = path.resolve(), History(path), made_by
 
     def read(self) -> list[Row]:
         """Return recording, id, decision and error of each record."""
         return self._history.known()
 
-    def write(self, rows: Sequence[Row]) -> None:
-        """Leave the history as it is: each record has a place of its own."""
-
-    def append(self, row: Row) -> Row:
-        """Write one record to the disk, and return what `read` will return of it."""
+    def append(self, row: Row, features: Any) -> Row:
+        """Write one record to the disk."""
         self._history.write(row)
+        if self._made_by and not row["error"]:
+            self._history.write_features(row["id"], self._made_by, features)
         return {name: row[name] for name in ("recording", "id", "decision", "error")}
 
-    def write_features(self, identity: str, made_by: str, values: Any) -> None:
-        """Write the features of a record; see `History.write_features`."""
-        self._history.write_features(identity, made_by, values)
 
-    def finish(self, rows: Sequence[Row]) -> None:
-        """Leave the history as it is."""
-
-
-class ResultTable:
+class ResultTable(Table):
     """Rows in a file, each written as soon as it is known.
 
     A parquet file cannot be appended to: until `finish`, its rows are in a text file in the same
@@ -89,6 +128,8 @@ class ResultTable:
     columns : sequence of str
         Columns, in this order.
     """
+
+    path: Path
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
         self.path, self.columns = path.resolve(), list(columns)
@@ -111,8 +152,7 @@ class ResultTable:
             return _rows_of(self._frame(path), self.columns)
         except (ValueError, TypeError, AttributeError) as error:
             raise ValueError(
-                f"{path} is no table of these results: {error}. Choose another file for --out, or "
-                f"delete it."
+                f"{path} is no table of these results: {error}. Choose another file for --out."
             ) from error
 
     def _frame(self, path: Path) -> pd.DataFrame:
@@ -129,7 +169,7 @@ class ResultTable:
         with written_whole(self._written) as unfinished:
             unfinished.write_bytes(self._content(rows, heading=True))
 
-    def append(self, row: Row) -> Row:
+    def append(self, row: Row, features: Any) -> Row:
         """Write one row to the disk, all of it or nothing with an error, and return it."""
         size = self._written.stat().st_size
         try:
@@ -158,11 +198,10 @@ def lines_of(
     rows: Sequence[Row], columns: Sequence[str], *, as_json: bool = False, heading: bool = False
 ) -> str:
     """Return records as lines of JSON or CSV; numbers so that they are read back exactly."""
-    table = [{name: row[name] for name in columns} for row in rows]
     if as_json:
+        table = [{name: row[name] for name in columns} for row in rows]
         return "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in table)
-    cells = [[*map(as_cell, row.values())] for row in table]
-    frame = pd.DataFrame(cells, columns=columns, dtype=object)
+    frame = pd.DataFrame(rows, columns=columns, dtype=object).map(as_cell)
     return frame.to_csv(index=False, header=heading, lineterminator="\n")
 
 

@@ -14,14 +14,12 @@ from typing import Any
 
 import pandas as pd
 from joblib import effective_n_jobs
-from sklearn.pipeline import Pipeline
 
 from emacm._saved import locked
-from emacm.commands.paths import expanded
-from emacm.commands.result_tables import HistoryTable, Row, columns_of, lines_of, result_table
+from emacm.commands.result_tables import Row, result_table
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import final_estimator
-from emacm.files.folder import open_recording
+from emacm.files.folder import open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.history.records import identity, record_of, times_of
 from emacm.history.sqlite_history import is_history
@@ -47,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     check_model(model)
     set_costs(model, options.cost, options.priors)
     alarms = _alarms(model, options.fail_on)
-    expanded(options.paths, layout, options.pattern, may_be_empty=options.watch is not None)
+    recording_files(options.paths, layout, options.pattern, may_be_empty=options.watch is not None)
     with nullcontext() if options.out is None else locked(options.out.resolve()):
         work = _Work(model, layout, options)
         rows = work.once()
@@ -69,44 +67,31 @@ class _Work:
         costs = options.cost.read_text(encoding="utf-8") if options.cost else None
         settings = (digest_of_file(options.model), layout.key, repr(layout.meta), costs)
         self._settings_digest = sha256(repr((*settings, options.priors)).encode()).hexdigest()
-        self._same = {"model": model_digest(model)}
-        self._same["model_note"] = model_description(options.model)["note"] or ""
-        self._columns = columns_of(model)
+        note = model_description(options.model)["note"] or ""
+        self._same = {"model": model_digest(model), "model_note": note}
         self._reported = time.monotonic()
-        self._table = None if options.out is None else result_table(options.out, model)
-        self._features: tuple[HistoryTable, str] | None = None
-        if options.features:
-            if not isinstance(self._table, HistoryTable) or not isinstance(model, Pipeline):
-                raise ValueError(
-                    "--features needs --out FILE.sqlite, and a model that is a pipeline whose last "
-                    "step is the classifier."
-                )
-            self._features = self._table, model_digest(model[:-1])
-        self._done: dict[tuple[str, str], Row] = {}
+        self._table = result_table(options.out, model, with_features=options.features)
         self._reports: Any = None
         if options.report is not None:
             from emacm.commands.report import FileReports  # with the displays
 
             self._reports = FileReports(options, layout, options.report)
-        if self._table is None:
-            print(lines_of([], self._columns, heading=True), end="")
-        else:
-            for row in self._table.read():
-                if not row["error"]:  # files that failed are tried again
-                    self._done[row["recording"], "" if options.again else row["id"]] = row
+        self._done = {
+            (row["recording"], "" if options.again else row["id"]): row
+            for row in self._table.read()
+            if not row["error"]  # files that failed are tried again
+        }
 
     def once(self) -> list[Row]:
         """Decide on the files that are new, and return all rows."""
         paths = list(self._paths())
-        if self._table is not None:
-            self._table.write([*self._done.values()])
+        self._table.write([*self._done.values()])
         rows = self._rows(paths)
         names = {row["recording"] for row in rows}
         others = [row for row in self._done.values() if row["recording"] not in names]
         is_new = [(row["recording"], row["id"]) not in self._done for row in rows]
         self._done = {(row["recording"], row["id"]): row for row in [*rows, *others]}
-        if self._table is not None:
-            self._table.finish([*rows, *others])
+        self._table.finish([*rows, *others])
         if self._reports is not None and rows:
             self._reports.update(pd.DataFrame(rows).assign(path=paths, is_new=is_new))
             self._reports.write_fleet(() if is_history(self._options.out) else self._done.values())
@@ -114,12 +99,12 @@ class _Work:
 
     def _paths(self, settled: float = 2.0) -> Iterator[Path]:
         """Yield the files but the table; with --watch, one changed just now may be incomplete."""
-        now, table = time.time(), None if self._table is None else self._table.path
-        options = self._options
-        for path in expanded(options.paths, self._layout, options.pattern, may_be_empty=True):
+        now, options = time.time(), self._options
+        found = recording_files(options.paths, self._layout, options.pattern, may_be_empty=True)
+        for path in found:
             written = path.stat().st_mtime if path.is_file() else 0.0
             is_settled = options.watch is None or abs(now - written) > settled
-            if is_settled and path.resolve() != table:
+            if is_settled and path.resolve() != self._table.path:
                 yield path
 
     def _identity(self, path: Path) -> str:
@@ -166,14 +151,7 @@ class _Work:
                 id=row["id"],
                 **self._same,
             )
-            if self._table is not None:
-                row.update(self._table.append(record))
-                if self._features and not row["error"]:
-                    table, made_by = self._features
-                    table.write_features(row["id"], made_by, found["features"])
-            else:
-                row.update(record)
-                print(lines_of([row], self._columns), end="", flush=True)
+            row.update(self._table.append(record, found.get("features")))
 
     def _report(self, done: int, total: int, every: float = 5.0) -> None:
         """Report the progress, at most once in some seconds."""

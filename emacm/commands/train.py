@@ -22,7 +22,7 @@ from emacm._checks import check_number
 from emacm.commands.find import parts_of_options
 from emacm.commands.score import set_costs
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
-from emacm.decisions.pipelines import groups_options
+from emacm.decisions.pipelines import final_estimator, groups_options
 from emacm.evaluation.comparison import compare
 from emacm.evaluation.evaluate import evaluate
 from emacm.evaluation.results import Evaluation, as_texts
@@ -35,7 +35,6 @@ from emacm.models.recipes import actuator_recipe, bearing_recipe
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.digests import model_digest
-from emacm.recordings.meta import read_meta
 from emacm.recordings.names import printable
 from emacm.reports.facts import healthy_label
 from emacm.reports.inputs import meta_value
@@ -51,84 +50,54 @@ def run(options: argparse.Namespace) -> int:
         0.
     """
     layout = Layout.from_toml(options.layout)
-    if options.like is not None:
-        return _learn_again(options, layout)
-    recordings = RecordingFolder(options.folder, layout, options.pattern)
-    if layout.meta is None:
-        raise ValueError(
-            f"the layout {options.layout} has no meta, where --labels and --groups are found. Add "
-            f"the parts of the names of files such as {recordings.paths[0].name!r}, for example "
-            f'meta = "{{unit}}_{{state}}_{{run:d}}".'
-        )
-    labels = read_meta(recordings, options.labels, role="--labels")
-    groups = read_meta(recordings, options.groups, role="--groups")
-    healthy = healthy_label(labels, options.healthy, "--healthy")
-    max_order, revolutions = extent(recordings, options)
-    model = _model(options, max_order, revolutions)
-    set_costs(model, options.cost, options.priors, labels)
-    orders = "" if options.recipe == "bearing" else f"orders up to {max_order:g}, "
-    print(
-        f"{len(recordings)} recordings, {len(set(groups))} groups ({options.groups}); "
-        f"{options.recipe}: {orders}segments of {revolutions:g} revolutions"
+    if options.like is None:
+        X: Any = RecordingFolder(options.folder, layout, options.pattern)
+        paths = X.paths
+    else:
+        old = load_model(options.like)
+        paths, X = _stored_features(old, options)
+    labels, groups = (
+        [meta_value(Path(path), layout, key) for path in paths]
+        for key in (options.labels, options.groups)
     )
+    healthy = healthy_label(labels, options.healthy, "--healthy")
+    model = _recipe(X, options) if options.like is None else clone(old[-1])
+    set_costs(model, options.cost, options.priors, labels)
+    print(f"{len(labels)} recordings, {len(set(groups))} groups ({options.groups})")
     print(pd.Series(labels).value_counts().sort_index().to_string())
     with parallel_config(n_jobs=options.jobs):
-        found = evaluate(model, recordings, labels, units=groups, healthy=healthy)
+        found = evaluate(model, X, labels, units=groups, healthy=healthy)
     for caveat in found.caveats:
         print(f"- {caveat}")
-    model.fit(recordings, labels, **groups_options(model, groups))
-    _print_rates(model, found)
-    _print_channels(model, recordings, labels, groups, healthy, found)
-    stated = _stated(options) | {"recordings": recordings, "model": model}
+    model.fit(X, labels, **groups_options(model, groups))
+    _print_rates(final_estimator(model), found)
+    keys = (options.labels, options.groups)
+    stated = {"keys": keys, "intended_use": options.intended_use, "limits": options.limits}
+    if options.like is None:
+        _print_channels(model, X, labels, groups, healthy, found)
+        stated |= {"recordings": X, "model": model}
+    else:
+        print("- The range of the training and its spectral lines are those of the first training.")
+        model = Pipeline([*old.steps[:-1], (old.steps[-1][0], model)])
     evidence = training_evidence(found, labels, groups, **stated)
     save_model(model, options.out, note=options.note, healthy=healthy, evidence=evidence)
     print(f"Model: {options.out}")
     return 0
 
 
-def _stated(options: argparse.Namespace) -> dict[str, Any]:
-    """Return what the evidence states as it was given."""
-    keys = (options.labels, options.groups)
-    return {"keys": keys, "intended_use": options.intended_use, "limits": options.limits}
-
-
-def _learn_again(options: argparse.Namespace, layout: Layout) -> int:
-    """Fit the classifier of a model on the features in a history, evaluate and save the model."""
-    old, history = load_model(options.like), History(options.folder)
-    names, features = history.features(model_digest(old[:-1]))
+def _stored_features(model: Pipeline, options: argparse.Namespace) -> tuple[list[str], Any]:
+    """Return names of recordings, and the features that the model has stored in a history."""
+    names, features = History(options.folder).features(model_digest(model[:-1]))
     if not names:
         raise ValueError(
             f"{options.folder} has no features of the model {options.like}: run emacm score with "
-            f"this model, --out {options.folder} and --features."
+            f"--features."
         )
-    labels, groups = (
-        [meta_value(Path(name), layout, key) for name in names]
-        for key in (options.labels, options.groups)
-    )
-    healthy = healthy_label(labels, options.healthy, "--healthy")
-    classifier = clone(old[-1])
-    set_costs(classifier, options.cost, options.priors, labels)
-    print(f"{len(names)} recordings, {len(set(groups))} groups ({options.groups})")
-    print(pd.Series(labels).value_counts().sort_index().to_string())
-    found = evaluate(classifier, features, labels, units=groups, healthy=healthy)
-    for caveat in found.caveats:
-        print(f"- {caveat}")
-    print(
-        "- The range of the training, outside of which recordings are stated to be, and the known "
-        "spectral lines are still those of the first training."
-    )
-    classifier.fit(features, labels, **groups_options(classifier, groups))
-    model = Pipeline([*old.steps[:-1], (old.steps[-1][0], classifier)])
-    _print_rates(model, found)
-    evidence = training_evidence(found, labels, groups, **_stated(options))
-    save_model(model, options.out, note=options.note, healthy=healthy, evidence=evidence)
-    print(f"Model: {options.out}")
-    return 0
+    return names, features
 
 
-def _print_rates(model: Pipeline, found: Evaluation) -> None:
+def _print_rates(classifier: Any, found: Evaluation) -> None:
     """Print costs and priors in force, the rates with their yardsticks, and the confusions."""
-    classifier = model[-1]
     costs = pd.DataFrame(classifier.cost_, classifier.decisions_, classifier.truths_)
     print("\nCosts (rows: decisions, columns: true states), and priors of the states:")
     print(costs.rename_axis("decision").to_string())
@@ -202,15 +171,13 @@ def extent(
     for path, row in zip(map(printable, recordings.paths), quality.itertuples(), strict=True):
         if not row.revolutions > 0:
             raise ValueError(
-                f"{path}: the shaft is at rest, or never above --min-speed, so that it has no "
-                f"orders. Leave the file out."
+                f"{path}: the shaft is at rest, or never above --min-speed. Leave the file out."
             )
         if row.warnings:
             print(f"emacm: WARNING: {path}: {row.warnings}", file=sys.stderr)
         if orders is not None and orders > row.max_order:
             raise ValueError(
-                f"{path} has no content above order {row.max_order:.4g}. Lower --max-order, or "
-                f"leave the file out."
+                f"{path} has no content above order {row.max_order:.4g}. Lower --max-order."
             )
     if orders is None:
         orders = min(most_orders, floor(8 * quality["max_order"].min()) / 10)
@@ -224,8 +191,11 @@ def extent(
     return orders, check_number(length, "the length of a segment (--revolutions)", above=0)
 
 
-def _model(options: argparse.Namespace, max_order: float, revolutions: float) -> Pipeline:
-    """Return the unfitted pipeline of a recipe."""
+def _recipe(recordings: RecordingFolder, options: argparse.Namespace) -> Pipeline:
+    """Return the unfitted pipeline of a recipe, and print up to which order it looks."""
+    max_order, revolutions = extent(recordings, options)
+    orders = "" if options.recipe == "bearing" else f"orders up to {max_order:g}, "
+    print(f"{options.recipe}: {orders}segments of {revolutions:g} revolutions")
     common: dict[str, Any] = {"revolutions": revolutions, "min_speed": options.min_speed}
     if options.recipe == "actuator":
         return actuator_recipe(max_order=max_order, **common)

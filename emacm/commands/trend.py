@@ -6,23 +6,22 @@ import argparse
 import sys
 from collections.abc import Mapping
 from contextlib import nullcontext
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from sklearn.base import clone
 from sklearn.pipeline import FeatureUnion, make_pipeline
 
-from emacm._checks import check_number, located
+from emacm._checks import located
 from emacm._saved import written_whole
 from emacm.alarms.health_index import HealthIndex, health_trend
 from emacm.alarms.severity_zones import severity_zone, vibration_indicators
 from emacm.calibration.left_out import groups_needed
 from emacm.commands.find import parts_of_options
-from emacm.commands.paths import expanded
 from emacm.commands.train import extent, order_levels
 from emacm.envelopes.envelope_detector import EnvelopeDetector
-from emacm.files.folder import RecordingFolder, open_recording
+from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.models.recipes import bearing_recipe
 from emacm.recordings.meta import read_meta
@@ -55,11 +54,7 @@ def run(options: argparse.Namespace) -> int:
         with written_whole(options.plot) as unfinished:
             display.figure_.savefig(unfinished, dpi=150, format=options.plot.suffix[1:] or "png")
     if options.machine and not any(name.endswith(":zone") for name in table.columns):
-        print(
-            "emacm: WARNING: no zone of --machine is stated: zones need a channel of acceleration "
-            "whose unit the layout states as g, m/s2 or mm/s2.",
-            file=sys.stderr,
-        )
+        print("emacm: WARNING: --machine needs a channel in g, m/s2 or mm/s2.", file=sys.stderr)
     latest = table[table["error"] == ""].groupby("unit", sort=True).tail(1)
     meanings = _meanings(latest, n_groups)
     print(*meanings, sep="\n", file=sys.stderr if options.out is None else sys.stdout)
@@ -97,61 +92,53 @@ def _meanings(latest: pd.DataFrame, n_groups: Mapping[str, int]) -> list[str]:
     return found
 
 
-Found: TypeAlias = tuple[pd.DataFrame, dict[str, int]]
-
-
-def _from_files(options: argparse.Namespace, layout: Layout) -> Found:
+def _from_files(options: argparse.Namespace, layout: Layout) -> tuple[pd.DataFrame, dict[str, int]]:
     """Return the distances of files from healthy ones, and how many groups each limit is from."""
     if options.healthy is None or not options.paths or options.groups is None:
         raise ValueError(
-            "trend needs a folder of HEALTHY files, PATHs of others and --groups; or --results, a "
-            "table of emacm score."
+            "trend needs a folder of HEALTHY files, PATHs of others and --groups; or --results."
         )
     if options.machine is not None:
         severity_zone(0.0, options.machine)  # an unknown class is refused before files are read
-    paths = expanded(options.paths, layout, options.pattern)
+    paths = recording_files(options.paths, layout, options.pattern)
     healthy = RecordingFolder(options.healthy, layout, options.pattern)
     groups = read_meta(healthy, options.groups, role="--groups")
     units = None if options.unit is None else read_meta(healthy, options.unit, role="--unit")
     new_units, times = units_and_times(paths, layout, options.unit, options.time)
     max_order, revolutions = extent(healthy, options)
-    speed = options.min_speed
-    if options.bearing or options.parts:
-        features: Any = bearing_recipe(
-            parts_of_options(options), revolutions=revolutions, min_speed=speed
-        )
+    speed, parts = options.min_speed, parts_of_options(options)
+    if parts:
+        recipe = bearing_recipe(parts, revolutions=revolutions, min_speed=speed)
+        steps = [step for _, step in recipe.steps]
     else:
         levels = order_levels(max_order, revolutions, speed)
         envelope = make_pipeline(EnvelopeDetector("full", squared=False), *map(clone, levels))
-        features = make_pipeline(
-            FeatureUnion([("signal", make_pipeline(*levels)), ("envelope", envelope)])
-        )
+        steps = [FeatureUnion([("signal", make_pipeline(*levels)), ("envelope", envelope)])]
     index = HealthIndex(options.false_alarm, few_groups="log-normal")
-    model = make_pipeline(*(step for _, step in features.steps), index)
+    model = make_pipeline(*steps, index)
     model.fit(healthy, healthindex__groups=groups, healthindex__units=units)
     recordings = [open_recording(path, layout) for path in paths]
     table = health_trend(model, recordings, unit=new_units, time=times)
-    rows: list[dict[str, Any]] = []
-    for row in table.itertuples():
-        rows.append({})
+    rows: list[dict[str, Any]] = [{} for _ in range(len(table))]
+    names = [f"{name} [dB]" for name in model[:-1].get_feature_names_out()]
+    for own, row in zip(rows, table.itertuples(), strict=True):
         if not row.error:
             recording = open_recording(row.recording, layout)
-            rows[-1] = vibration_indicators(recording, options.machine, min_speed=speed)
-            if options.bearing or options.parts:
-                lines = model[:-1].transform([recording])[0]
-                names = model[:-1].get_feature_names_out()
-                rows[-1] |= {f"{name} [dB]": x for name, x in zip(names, lines, strict=True)}
+            own |= vibration_indicators(recording, options.machine, min_speed=speed)
+            if parts:
+                own |= dict(zip(names, model[:-1].transform([recording])[0], strict=True))
     n_groups = index.left_out_.groupby("baseline")["group"].nunique().to_dict()
     return table.join(pd.DataFrame(rows, index=table.index)), n_groups
 
 
-def _from_results(options: argparse.Namespace, layout: Layout) -> Found:
+def _from_results(
+    options: argparse.Namespace, layout: Layout
+) -> tuple[pd.DataFrame, dict[str, int]]:
     """Return the trend of typicality and P(healthy) in a table of `score`; nothing is computed."""
     if any(x is not None for x in (options.healthy, options.groups, options.machine)):
         raise ValueError(
             "with --results, trend reads that table: leave out HEALTHY, --groups and --machine."
         )
-    false_alarm = check_number(options.false_alarm, "--false-alarm", above=0, below=1)
     found = with_units_and_times(read_results(options.results), layout, options.unit, options.time)
     with located(str(options.results)):
         states = [name[2:-1] for name in found.columns if name.startswith("P(")]
@@ -165,9 +152,9 @@ def _from_results(options: argparse.Namespace, layout: Layout) -> Found:
             "unit": found["unit"] if "unit" in found.columns else "all",
             "time": found["time"],
             "index": -np.log10(least),
-            "limit": -np.log10(false_alarm),
-            "alarm": least < false_alarm,
-            "false_alarm": false_alarm,
+            "limit": -np.log10(options.false_alarm),
+            "alarm": least < options.false_alarm,
+            "false_alarm": options.false_alarm,
             "baseline": "population",
             "recording": found["recording"],
             "error": error,

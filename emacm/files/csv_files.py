@@ -126,8 +126,7 @@ class TextTable(NamedTuple):
             text = str(error).strip().rpartition(": ")[2]
             text = text if "skiprows" in options else re.sub(r" in line \d+", "", text)
             raise RefusedFileError(
-                f"a row does not fit the {len(names)} columns: {text}. Correct the line, or leave "
-                f"the file out."
+                f"a row does not fit the {len(names)} columns: {text}. Correct this line."
             ) from error
         blank = table.isna().all(axis=1).to_numpy()[::-1]
         table = table.iloc[: len(table) - (int(blank.argmin()) if not blank.all() else 0)]
@@ -135,8 +134,7 @@ class TextTable(NamedTuple):
             values = pd.to_numeric(table.pop(name), errors="coerce").dropna()
             if len(values):
                 raise RefusedFileError(
-                    f"sample {values.index[0]} has the number {values.iloc[0]} in a column without "
-                    f"a name. Correct its row, or name the column."
+                    f"sample {values.index[0]} has {values.iloc[0]} in a column without a name."
                 )
         content.columns |= {name: _numbers(table[name]) for name in table}
         content.units |= {n: u for n, u in zip(self.names, self.units, strict=False) if u}
@@ -178,7 +176,7 @@ def text_table(head: Sequence[str], *, longest: int = 100_000) -> TextTable:
     if any(first.fields[len(names) :]):  # of which pandas would leave out what has no name
         raise RefusedFileError(
             f"line {first.number + 1} has {len(first.fields)} values, but there are {len(names)} "
-            f"columns. Correct the line, or leave the file out."
+            f"columns. Correct the line."
         )
     decimal = "," if comma and re.search(r"\d,\d", "\n".join(head[start:])) else "."
     return TextTable(names, units, separator, decimal, start, list(head[:start]))
@@ -208,8 +206,7 @@ def _encoding(path: Path, n_head: int, longest: int) -> str:
         return "utf-16"
     if b"\0" in start:
         raise RefusedFileError(
-            "it contains bytes 0: it is binary, or UTF-16 without a byte order mark. Save it as "
-            "text in UTF-8."
+            "it contains bytes 0: it is binary, or UTF-16 without a mark. Save it in UTF-8."
         )
     try:
         start.decode("utf-8")
@@ -248,8 +245,7 @@ def _header(rows: Sequence[_Row], *, comma: bool) -> tuple[list[str], list[str],
         texts = [row.fields for row in rows[:first] if not row.is_comment]
         if texts:
             raise RefusedFileError(
-                f"its header {texts[-1]} does not name the {width} columns of its rows. Name each "
-                f"column in the line above the numbers, or start all lines above them with #."
+                f"its header {texts[-1]} does not name the {width} columns. Name each of them."
             )
         return [f"x{i}" for i in range(width)], [], rows[first].number
     header = named[-1]
@@ -281,8 +277,7 @@ def _first_of_data(rows: Sequence[_Row], numeric: Sequence[list[bool]], width: i
             return n
     begin = " ".join(rows[0].fields)[:40] if rows else ""
     raise RefusedFileError(
-        f"it has no rows of numbers; it begins with {begin!r}. Save a row for each time, with "
-        f"numbers such as 1.5e-3 separated by commas, semicolons, tabs, | or spaces."
+        f"it has no rows of numbers; it begins with {begin!r}. Save a row for each time."
     )
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -18,10 +18,10 @@ from emacm.files.sample_times import dates_of, rate_of_times, seconds_of, time_u
 from emacm.recordings.names import (
     is_shaft_name,
     is_time_name,
-    same_unit,
     split_unit,
     unit_factor,
     unit_in_name,
+    unit_ratio,
 )
 from emacm.shaft.angle import angle_from_wrapped, is_wrapped
 from emacm.shaft.tacho import angle_from_tacho
@@ -64,35 +64,25 @@ class FileColumns:
     start: pd.Timestamp | None = None
     starts: dict[str, float] = field(default_factory=dict)
 
-    def without_units_in_names(self) -> FileColumns:
-        """Return it with the units taken out of the names of columns, as in "speed [rpm]"."""
+    def take_units_from_names(self) -> None:
+        """Take the units out of the names of columns, as in "speed [rpm]"."""
         parts = {name: split_unit(name) for name in (*self.columns, *self.numbers)}
         plain = {name: short for name, (short, _) in parts.items()}
         if len(set(plain.values())) < len(plain):
-            return self
+            return
+        self.units = {short: unit for short, unit in parts.values() if unit} | self.units
+        for kind in ("columns", "rates", "units", "numbers", "starts"):
+            values = getattr(self, kind).items()
+            setattr(self, kind, {plain.get(name, name): value for name, value in values})
 
-        def renamed(values: Mapping[str, Any]) -> dict[str, Any]:
-            return {plain.get(name, name): value for name, value in values.items()}
-
-        units = {short: unit for short, unit in parts.values() if unit} | renamed(self.units)
-        return replace(
-            self,
-            columns=renamed(self.columns),
-            rates=renamed(self.rates),
-            units=units,
-            numbers=renamed(self.numbers),
-            starts=renamed(self.starts),
-        )
-
-    def with_units_of_groups(self) -> FileColumns:
-        """Return it with the unit of a group or structure for the only array that it holds."""
-        units, names = dict(self.units), [*self.columns, *self.numbers]
+    def take_units_from_groups(self) -> None:
+        """Give the unit of a group or structure to the only array that it holds."""
+        names = [*self.columns, *self.numbers]
         for place in self.units.keys() - set(names):
             group = re.escape(re.sub(r"[/.]$", "", place))
             within = [name for name in names if re.match(rf"{group}[/.]", name)]
             if len(within) == 1:
-                units.setdefault(within[0], self.units[place])
-        return replace(self, units=units)
+                self.units.setdefault(within[0], self.units[place])
 
     def like_shaft(self) -> list[str]:
         """Return the columns and numbers with name or unit of the motion of a shaft."""
@@ -114,16 +104,15 @@ class FileColumns:
         if len(found) == 1:
             return found[0]
         if found:
-            raise ValueError(f"{wanted!r} matches several columns: {_listed(found)}. Name one.")
+            raise ValueError(f"{wanted!r} matches several columns: {found}. Name one.")
         plain = split_unit(wanted)[0]
         if plain in self.ignored:
             raise ValueError(
-                f"{plain!r} {self.ignored[plain]}; it cannot be a channel or the shaft. Store it "
-                f"as an array of numbers, one for each time."
+                f"{plain!r} {self.ignored[plain]}; store it as numbers, one for each time."
             )
         other = next((name for name in known if not is_time_name(name)), wanted)
         raise ValueError(
-            f"it has no column {wanted!r}; its columns are {_listed(known)}. Where files differ, a "
+            f"it has no column {wanted!r}; its columns are {known}. Where files differ, a "
             f"layout may give several names: {f'{wanted}|{other}'!r}."
         )
 
@@ -186,18 +175,21 @@ def recording_arguments(
     rates = rates_of_columns(content, layout, times)
     _check_starts(content, [*channels.values(), *filter(None, [shaft])], rates)
     fs = {name: _rate(content, layout, rates, column, name) for name, column in channels.items()}
-    signals = {name: _signal(content, column, name) for name, column in channels.items()}
-    units = {name: _channel_unit(content, layout, name, c) for name, c in channels.items()}
+    columns = content.columns
+    signals = {name: check_signal(columns[c], f"channel {name!r}") for name, c in channels.items()}
+    units = {
+        name: _agreed_unit(name, layout.unit_of(name, column), content.units.get(column, ""))
+        for name, column in channels.items()
+    }
     arguments = {
         "signals": signals,
         "fs": fs,
         "units": {name: unit for name, unit in units.items() if unit},
     }
     highest = max(fs.values())
-    if of_second is None:
+    if of_second is None or second is None:
         n_times = {len(values) for values in signals.values()}
         return arguments | _shaft(content, layout, shaft, rates, highest, n_times)
-    second = FileColumns() if second is None else second
     with located("the second file"):
         shaft = _shaft_column(second, of_second)
         rates = rates_of_columns(second, of_second, _time_column(second, of_second))
@@ -212,12 +204,11 @@ def _check_starts(content: FileColumns, names: Sequence[str], rates: Mapping[str
     starts = {name: content.starts[name] for name in names if name in content.starts}
     if not starts:
         return
-    latest, earliest = (choose(starts, key=lambda name: starts[name]) for choose in (max, min))
+    latest, earliest = max(starts, key=starts.__getitem__), min(starts, key=starts.__getitem__)
     apart = starts[latest] - starts[earliest]
     if apart > 1e-3 + 1 / min(rates.get(name, 1000.0) for name in starts):
         raise ValueError(
-            f"{latest!r} starts {apart:.6g} s later than {earliest!r}. Cut both to the same start, "
-            f"or leave one out."
+            f"{latest!r} starts {apart:.6g} s later than {earliest!r}. Cut both to one start."
         )
 
 
@@ -265,8 +256,7 @@ def _delay(first: tuple[FileColumns, Layout], second: tuple[FileColumns, Layout]
     if dates != (None, None) and clocks[0 if dates[0] is None else 1]:
         raise ValueError(
             "its times cannot be compared with those of the first file: one of them are dates, the "
-            "others do not begin at 0. State both alike, or time = false for the second file if "
-            "both start at the same instant."
+            "others do not begin at 0. State time = false for it if both files start together."
         )
     return clocks[1] - clocks[0] if dates == (None, None) else 0.0
 
@@ -295,7 +285,7 @@ def _check_units(content: FileColumns, layout: Layout, second: FileColumns | Non
         if not (is_named or may_lack or is_known):
             raise ValueError(
                 f"units names {name!r}, which is no column or channel; the columns are "
-                f"{_listed(list(content.columns))}. Correct the name, or leave it out."
+                f"{list(content.columns)}. Correct the name, or leave it out."
             )
 
 
@@ -304,23 +294,6 @@ def without_signal(content: FileColumns) -> str:
     rest = f"only {list(content.numbers)}" if content.numbers else "no array of numbers"
     reasons = [f"{name!r} {reason}" for name, reason in list(content.ignored.items())[:3]]
     return f"it contains no signal, {'; '.join([rest, *reasons])}. Store an array for each channel."
-
-
-def _listed(names: Sequence[str], longest: int = 20) -> str:
-    """Return names as a list; of many, the first ones."""
-    more = len(names) - longest
-    return str(list(names)) if more <= 0 else f"{list(names[:longest])} and {more} more"
-
-
-def _signal(content: FileColumns, column: str, name: str) -> NDArray[np.floating]:
-    """Return a channel; one without any value is refused as a whole."""
-    values = content.columns[column]
-    if values.dtype.kind == "f" and len(values) and np.isnan(values[0]) and np.isnan(values).all():
-        raise ValueError(
-            f"column {column!r} is empty: it has no value at all. List the other columns in "
-            f"channels of the layout."
-        )
-    return check_signal(values, f"channel {name!r}")
 
 
 def _time_column(content: FileColumns, layout: Layout) -> str | None:
@@ -349,9 +322,8 @@ def _shaft_column(content: FileColumns, layout: Layout) -> str | None:
     example = similar[0] if similar else "speed"
     unit = unit_in_name(example) or "rpm"
     raise ValueError(
-        f"the layout names no shaft reference{hint}. Set velocity = '{example} [{unit}]' with its "
-        f"unit, or a number [rad/s], or angle, or tacho; its columns are "
-        f"{list(content.columns)}."
+        f"the layout names no shaft reference{hint}. Set velocity = '{example} [{unit}]', or a "
+        f"number [rad/s], or angle, or tacho; its columns are {list(content.columns)}."
     )
 
 
@@ -371,9 +343,8 @@ def _channel_columns(
     motions = [name for name in content.like_shaft() if name in rest]
     if motions:
         raise ValueError(
-            f"column {motions[0]!r} is named like the motion of the shaft, not like a channel. "
-            f"Name it in velocity, angle or tacho, or list the channels: channels = "
-            f"{[name for name in rest if name not in motions]}."
+            f"column {motions[0]!r} is named like the motion of the shaft. Name it in velocity, "
+            f"angle or tacho, or set channels = {[n for n in rest if n not in motions]}."
         )
     if not rest:
         raise ValueError(f"it has no channel besides {sorted(filter(None, ignored))}.")
@@ -402,7 +373,7 @@ def stated_rates(content: FileColumns) -> dict[str, float]:
     {'b': 25.0}
     """
     rates: dict[str, float] = {}
-    for name, rate in _hertz(content):
+    for name, rate in _hertz(content).items():
         last = re.split(r"[/.]", name)[-1]
         if _is_rate(last):
             columns = {c: len(v) for c, v in content.columns.items()}
@@ -417,20 +388,18 @@ def _own_rates(content: FileColumns) -> dict[str, float]:
     named = {
         column: rate
         for column in content.columns
-        for name, rate in _hertz(content)
+        for name, rate in _hertz(content).items()
         for rest in (name.removesuffix(f"_{column}"), name.removeprefix(f"{column}_"))
         if rest != name and _is_rate(rest)
     }
     return named | content.rates
 
 
-def _hertz(content: FileColumns) -> Iterator[tuple[str, float]]:
-    """Yield the numbers that may be rates [Hz]."""
+def _hertz(content: FileColumns) -> dict[str, float]:
+    """Return the numbers that may be rates [Hz]."""
     hertz = {"": 1.0, "hz": 1.0, "khz": 1000.0}
-    for name, number in content.numbers.items():
-        rate = number * hertz.get(content.units.get(name, "").lower(), 0.0)
-        if rate > 0:
-            yield name, rate
+    sizes = {name: hertz.get(content.units.get(name, "").lower(), 0.0) for name in content.numbers}
+    return {name: x * sizes[name] for name, x in content.numbers.items() if x * sizes[name] > 0}
 
 
 def _is_rate(name: str) -> bool:
@@ -486,18 +455,14 @@ def _rate(
     return float(rate)
 
 
-def _channel_unit(content: FileColumns, layout: Layout, name: str, column: str) -> str:
-    stated, known = layout.unit_of(name, column), content.units.get(column, "")
-    if stated and known and not same_unit(stated, known):
-        raise ValueError(_other_unit(stated, name, known))
+def _agreed_unit(name: str, stated: str, known: str) -> str:
+    """Return the unit that the layout states, else that of the file."""
+    if stated and known and unit_ratio(stated, known) != 1:
+        raise ValueError(
+            f"the layout states the unit {stated!r} for {name!r}, but the file {known!r}. Correct "
+            f"units; nothing is converted."
+        )
     return stated or known
-
-
-def _other_unit(stated: str, name: str, known: str) -> str:
-    return (
-        f"the layout states the unit {stated!r} for {name!r}, but the file {known!r}. Correct "
-        f"units; nothing is converted."
-    )
 
 
 def _shaft(
@@ -518,12 +483,12 @@ def _shaft(
             speed, unit = constant_speed(content.chosen(speed)) or (0.0, "")
         return {"velocity": float(speed) * unit_factor(unit, "velocity"), "shaft_fs": fs}
     kind = "angle" if layout.angle is not None else "velocity"
-    if column in content.numbers:
-        factor = unit_factor(_shaft_unit(content, layout, column, kind), kind)
-        return {"velocity": content.numbers[column] * factor, "shaft_fs": fs}
-    values = check_signal(content.columns[column], f"the shaft column {column!r}")
-    default = fs if len(values) in n_times else None
-    rate = _rate(content, layout, rates, column, column, default)
+    values: Any = content.numbers.get(column)
+    rate = fs
+    if values is None:
+        values = check_signal(content.columns[column], f"the shaft column {column!r}")
+        default = fs if len(values) in n_times else None
+        rate = _rate(content, layout, rates, column, column, default)
     if layout.tacho is not None:
         options = dict(layout.tacho) if isinstance(layout.tacho, Mapping) else {}
         options.pop("column", None)
@@ -536,15 +501,12 @@ def _shaft_unit(content: FileColumns, layout: Layout, column: str, kind: str) ->
     """Return the unit of the shaft column; rad or rad/s if nothing suggests another."""
     wanted = layout.velocity if kind == "velocity" else layout.angle
     stated = layout.unit_of(column, kind) or split_unit(content.chosen(str(wanted)))[1]
-    known = content.units.get(column, "")
-    if stated and known and unit_factor(stated, kind) != unit_factor(known, kind):
-        raise ValueError(_other_unit(stated, column, known))
+    unit = _agreed_unit(column, stated.lower(), content.units.get(column, "").lower())
     default = "rad/s" if kind == "velocity" else "rad"
-    if not (stated or known) and re.search(r"rpm|hz|deg|rev|turn|rps|count|min", column.lower()):
+    if not unit and re.search(r"rpm|hz|deg|rev|turn|rps|count|min", column.lower()):
         usual = unit_in_name(column) or "rpm" if kind == "velocity" else "deg"
         raise ValueError(
             f"the unit of {column!r} is not stated, and its name suggests another one than "
-            f"{default}. State it in the layout, under [units]: {column!r} = '{usual}', or what it "
-            f"is in."
+            f"{default}. State it in the layout, under [units]: {column!r} = '{usual}'."
         )
-    return stated or known or default
+    return unit or default

@@ -300,8 +300,7 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> FileRecordin
         for second in others:
             if not second.is_file():
                 raise FileNotFoundError(
-                    f"{printable(file)}: there is no second file {printable(second)} with the "
-                    f"motion of its shaft. Correct its name in the layout."
+                    f"{printable(file)}: there is no second file {printable(second)}."
                 )
         states = tuple(FileState.of(str(one)) for one in (file, *others))
         return _opened(layout, states, layout.meta_of(file))
@@ -370,12 +369,7 @@ class RecordingFolder(Sequence[Recording]):
         self.folder, self.layout, self.pattern = Path(folder).absolute(), layout, pattern
         if not self.folder.is_dir():
             raise FileNotFoundError(f"there is no folder {str(folder)!r}.")
-        self.paths = recording_files(self.folder, pattern, layout)
-        if not self.paths:
-            raise ValueError(
-                f"no file in {str(folder)!r} matches {pattern!r} and is of one of the types "
-                f"{sorted(READERS)}."
-            )
+        self.paths = recording_files([self.folder], layout, pattern)
         self._recordings = [open_recording(path, layout) for path in self.paths]
 
     def __len__(self) -> int:
@@ -392,12 +386,35 @@ class RecordingFolder(Sequence[Recording]):
 
 
 def recording_files(
-    folder: Path, pattern: str = "**/*", layout: Layout | None = None
+    paths: Sequence[Path],
+    layout: Layout | None = None,
+    pattern: str = "**/*",
+    *,
+    may_be_empty: bool = False,
 ) -> list[Path]:
-    """Return the files of a folder that can be recordings, sorted.
+    """Return files, and in place of folders the files in them that can be recordings, sorted.
 
-    They are of a known type, not hidden, and not second files of others by the layout.
+    These match the pattern, are of a known type, not hidden, and not second files, from which the
+    layout takes the motion of the shaft.
+
+    Raises
+    ------
+    ValueError
+        If a folder has no such file, unless it `may_be_empty`.
     """
+    found: list[Path] = []
+    for path in paths:
+        files = _files_in(path, layout or Layout(), pattern) if path.is_dir() else [path]
+        if not files and not may_be_empty:
+            raise ValueError(
+                f"the folder {str(path)!r} has no file that matches {pattern!r} and is of one of "
+                f"the types {sorted(READERS)}. Name other files, or another pattern."
+            )
+        found += files
+    return list(dict.fromkeys(found))
+
+
+def _files_in(folder: Path, layout: Layout, pattern: str) -> list[Path]:
     found = {
         path
         for path in folder.glob(pattern)
@@ -406,5 +423,5 @@ def recording_files(
     others: set[Path] = set()
     for path in found:
         with suppress(ValueError):  # of a name that the pattern of meta does not fit
-            others.update(() if layout is None else layout.files_of(path)[1:])
+            others.update(layout.files_of(path)[1:])
     return sorted(found - others)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from math import isfinite
@@ -47,10 +47,7 @@ def read_toml(path: Path, *, largest: int = 1 << 20, longest: int = 30_000) -> d
         raise FileNotFoundError(f"there is no file {str(path)!r}.")
     lines = path.read_bytes().split(b"\n") if path.stat().st_size <= largest else []
     if not lines or max(map(len, lines)) > longest:
-        raise ValueError(
-            f"it has more than {largest} bytes, or {longest} in one line. Remove what is no "
-            f"setting, or divide the line."
-        )
+        raise ValueError(f"it has more than {largest} bytes, or {longest} in one line. Shorten it.")
     try:
         return tomllib.loads(b"\n".join(lines).decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
@@ -58,6 +55,7 @@ def read_toml(path: Path, *, largest: int = 1 << 20, longest: int = 30_000) -> d
 
 
 _SECOND = ("file", "column", "fs", "time")  # of the shaft in a second file
+_NAMES = {"file", "column"}
 _TACHO = ("column", "pulses_per_rev", "threshold", "hysteresis", "edge", "repair")
 _FIELDS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "": (r"[^/]+", str),
@@ -206,23 +204,20 @@ class Layout:
         return self.tacho["column"] if isinstance(self.tacho, Mapping) else self.tacho
 
     @property
-    def _second(self) -> tuple[str, dict[str, Any]] | None:
-        """Which shaft reference is in a second file, and its options."""
-        for name in ("velocity", "angle", "tacho"):
-            value = getattr(self, name)
-            if isinstance(value, Mapping) and "file" in value:
-                return name, dict(value)
-        return None
+    def _second(self) -> str:
+        """Which shaft reference is in a second file; "" if none."""
+        given = {name: getattr(self, name) for name in ("velocity", "angle", "tacho")}
+        return next((n for n, v in given.items() if isinstance(v, Mapping) and "file" in v), "")
 
     def of_second_file(self) -> Layout | None:
         """Return the layout of the second file, if the shaft is in one."""
-        if self._second is None:
+        if not self._second:
             return None
-        name, options = self._second
+        options = dict(getattr(self, self._second))
         del options["file"]
         others = {key: options.pop(key, None) for key in ("fs", "time")}
-        reference = options if name == "tacho" else options["column"]
-        return replace(self, channels=None, meta=None, **{name: reference}, **others)
+        reference = options if self._second == "tacho" else options["column"]
+        return replace(self, channels=None, meta=None, **{self._second: reference}, **others)
 
     def files_of(self, path: str | os.PathLike[str]) -> list[Path]:
         """Return a file, followed by the second one with the motion of its shaft, if there is one.
@@ -239,9 +234,10 @@ class Layout:
         ['A_7.wav', 'A_7_07.csv']
         """
         first = Path(path)
-        if self._second is None:
+        if not self._second:
             return [first]
-        pattern, known = self._second[1]["file"], {"stem": first.stem} | self.meta_of(path)
+        pattern = getattr(self, self._second)["file"]
+        known = {"stem": first.stem} | self.meta_of(path)
         try:
             return [first, first.parent / pattern.format_map(known)]
         except (KeyError, IndexError, ValueError, AttributeError) as error:
@@ -268,8 +264,7 @@ class Layout:
             if key in self.meta:
                 return dict(self.meta[key])
         raise ValueError(
-            f"the table of meta has no row for the file {file.name!r}. Add one, or leave the file "
-            f"out."
+            f"the table of meta has no row for the file {file.name!r}. Add one, or leave it out."
         )
 
 
@@ -281,16 +276,12 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
 
 
-def _is_tacho(value: Any) -> bool:
+def _is_column(value: Any, options: Iterable[str] = ()) -> bool:
+    """Tell whether a value is a name, or maps these options or those of a second file."""
     if not isinstance(value, Mapping):
         return _is_name(value)
-    known = {*_TACHO, *(_SECOND if "file" in value else ())}
-    return _is_name(value.get("column")) and known >= set(value)
-
-
-def _is_column(value: Any) -> bool:
-    is_second = isinstance(value, Mapping) and {"file", "column"} <= set(value) <= set(_SECOND)
-    return _is_name(value) or (is_second and _is_name(value["file"]) and _is_name(value["column"]))
+    known = {*options, *(_SECOND if "file" in value else ())}
+    return known >= set(value) and all(_is_name(value.get(key)) for key in known & _NAMES)
 
 
 def _are_names(value: Any) -> bool:
@@ -306,7 +297,10 @@ _FORMS: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "channels": ("names, or map names to names of columns", _are_names),
     "velocity": (f"a number, {_COLUMN}", lambda value: _is_column(value) or _is_number(value)),
     "angle": (_COLUMN, _is_column),
-    "tacho": (f"the name of a column, or a mapping with 'column' of {list(_TACHO)}", _is_tacho),
+    "tacho": (
+        f"the name of a column, or a mapping with 'column' of {list(_TACHO)}",
+        lambda value: _is_column(value, _TACHO),
+    ),
 }
 
 
@@ -334,8 +328,6 @@ def _meta_table(path: str) -> pd.DataFrame:
 def _checked_meta(meta: Any) -> Any:
     """Return a pattern, or a mapping from names of files to their meta."""
     if isinstance(meta, str) and meta.endswith(".csv") and "{" not in meta:
-        if not Path(meta).is_file():
-            raise FileNotFoundError(f"there is no table of meta {meta!r}.")
         meta = _meta_table(meta)
     if isinstance(meta, pd.DataFrame):
         table = meta.set_index("file") if "file" in meta.columns else meta
@@ -401,8 +393,7 @@ def meta_from_name(path: PurePath, pattern: str) -> dict[str, Any]:
     longest, shortest = greedy.fullmatch(tried), lazy.fullmatch(tried)
     if longest is None or shortest is None:
         raise ValueError(
-            f"the file name {name!r} does not match the pattern {pattern!r} of meta. Rename the "
-            f"file, leave it out, or pass meta as a table."
+            f"the file name {name!r} does not match the pattern {pattern!r} of meta. Rename it."
         )
     if longest.groups() != shortest.groups():
         raise ValueError(
@@ -415,16 +406,15 @@ def meta_from_name(path: PurePath, pattern: str) -> dict[str, Any]:
 def _compiled_pattern(
     pattern: str,
 ) -> tuple[re.Pattern[str], re.Pattern[str], dict[str, Callable[[str], Any]]]:
-    greedy = lazy = ""
+    greedy = ""
     kinds: dict[str, Callable[[str], Any]] = {}
     try:
         for text, field, kind, _ in Formatter().parse(pattern):
-            greedy, lazy = greedy + re.escape(text), lazy + re.escape(text)
+            greedy += re.escape(text)
             if field is not None:
                 expression, kinds[field] = _FIELDS[kind or ""]
                 greedy += f"(?P<{field}>{expression})"
-                lazy += f"(?P<{field}>{expression}{'' if kind else '?'})"
-        compiled = re.compile(greedy), re.compile(lazy)
+        compiled = re.compile(greedy), re.compile(greedy.replace("[^/]+", "[^/]+?"))
     except (ValueError, KeyError, re.error):
         kinds = {}
     if not kinds:

@@ -19,7 +19,6 @@ from emacm.files.sample_times import rate_of_times
 
 _RATE_KEYS = ("fs", "sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "rate")
 _UNIT_KEYS = ("unit", "units", "Unit", "Units")
-_OTHERS = {"U": "texts", "S": "texts", "O": "objects", "m": "differences of times"}
 
 
 def optional_library(name: str, kind: str, extra: str = "files") -> Any:
@@ -56,7 +55,7 @@ def add_array(content: FileColumns, name: str, values: Any) -> None:
     elif array.dtype.kind == "M" and array.ndim == 1:
         content.columns[name] = array
     elif array.dtype.kind not in "biufc":
-        content.ignored[name] = f"holds {_OTHERS.get(array.dtype.kind, 'no numbers')}"
+        content.ignored[name] = f"holds no numbers, but {array.dtype}"
     elif array.size == 1 and array.dtype.kind != "c":
         content.numbers[name] = float(array.reshape(()))
     elif plain.ndim == 1:
@@ -90,7 +89,7 @@ def check_stated_size(path: Path, stated: float, *, ratio: int = 200, free: int 
     if stated > max(free, ratio * size):
         raise RefusedFileError(
             f"it states arrays of {stated / 1e9:.4g} GB, but has {size} bytes. It is damaged, or "
-            f"made to fill the memory: leave it out, or save it without compression."
+            f"made to fill the memory. Leave it out."
         )
 
 
@@ -156,8 +155,7 @@ def _add_variable(content: FileColumns, name: str, value: Any) -> None:
     elif isinstance(value, str) and name.rpartition(".")[2].lower() in ("unit", "units"):
         content.units[name.rpartition(".")[0]] = value
     else:
-        kind = "is sparse" if scipy.sparse.issparse(value) else "is a text"
-        content.ignored[name] = f"{kind}, no array of numbers"
+        content.ignored[name] = f"holds no array of numbers, but {type(value).__name__}"
 
 
 def read_parquet(path: Path, content: FileColumns) -> None:
@@ -205,8 +203,7 @@ def read_hdf5(path: Path, content: FileColumns, *, separator: str = "/") -> None
         elsewhere += [place for place, one in sets.items() if one.external or one.is_virtual]
         if elsewhere:
             raise RefusedFileError(
-                f"{elsewhere[0]!r} is stored in another file, which is not followed. Copy its "
-                f"samples into this file."
+                f"{elsewhere[0]!r} is stored in another file. Copy its samples into this one."
             )
         check_stated_size(path, sum(one.nbytes for one in sets.values()))
         _add_attributes(content, "", file.attrs)
@@ -228,22 +225,20 @@ def read_tdms(path: Path, content: FileColumns) -> None:
         _check_complete(path, _end_of_segments(file))
         table = nptdms.TdmsFile.open(file)
         channels = [channel for group in table.groups() for channel in group.channels()]
-        starts = [one for c in channels if (one := c.properties.get("wf_start_time")) is not None]
-        content.start = pd.Timestamp(min(starts)) if starts else None
         names = [channel.name for channel in channels]
-        for channel in channels:
+        starts = [channel.properties.get("wf_start_time") for channel in channels]
+        content.start = min((pd.Timestamp(start) for start in starts if start), default=None)
+        for channel, start in zip(channels, starts, strict=True):
             twice = names.count(channel.name) > 1
             name = f"{channel.group_name}/{channel.name}" if twice else channel.name
             add_array(content, name, channel[:])
             properties = channel.properties
             if name in content.columns and properties.get("wf_increment"):
                 content.rates[name] = _rate(float(properties["wf_increment"]), digits=15)
-            unit = properties.get("unit_string") or properties.get("NI_UnitDescription")
-            if unit:
+            if unit := properties.get("unit_string") or properties.get("NI_UnitDescription"):
                 content.units[name] = str(unit)
-            content.starts[name] = float(properties.get("wf_start_offset", 0.0))
-            if (begun := properties.get("wf_start_time")) is not None:
-                content.starts[name] += (pd.Timestamp(begun) - content.start).total_seconds()
+            later = pd.Timestamp(start) - content.start if start else pd.Timedelta(0)
+            content.starts[name] = later.total_seconds() + properties.get("wf_start_offset", 0.0)
 
 
 def _end_of_segments(file: BinaryIO) -> int:
@@ -265,8 +260,7 @@ def _check_complete(path: Path, stated: int) -> None:
     size = path.stat().st_size
     if size < stated:
         raise RefusedFileError(
-            f"it is truncated: it states {stated} bytes, there are {size}. Copy it again, or save "
-            f"what is left of it as another file."
+            f"it is truncated: it states {stated} bytes, there are {size}. Copy it again."
         )
 
 
@@ -278,7 +272,7 @@ def read_uff(path: Path, content: FileColumns) -> None:
         if one.get("type") != 58:  # function at nodal degrees of freedom
             continue
         name = str(one.get("id1", "")).strip()
-        if not name or name.upper() == "NONE" or name in content.columns:
+        if name.upper() in ("", "NONE") or name in content.columns:
             name = f"x{number}"
         add_array(content, name, one["data"])
         step = float(one.get("abscissa_inc") or 0)
@@ -288,7 +282,7 @@ def read_uff(path: Path, content: FileColumns) -> None:
         elif len(times) > 1:
             content.rates[name] = rate_of_times(times - times[0], f"abscissa of {name}")
         unit = str(one.get("ordinate_axis_units_lab", "")).strip()
-        if unit and unit.upper() != "NONE":
+        if unit.upper() not in ("", "NONE"):
             content.units[name] = unit
         content.starts[name] = float(one.get("abscissa_min") or 0)
 
@@ -333,13 +327,7 @@ def _add_attributes(
 ) -> None:
     """Add what attributes state on rates and units of a column, or of a group of columns."""
     for key in [key for key in _RATE_KEYS if key in attributes][:1]:
-        try:
-            rate = float(np.asarray(_text(attributes[key]), np.float64).item())
-        except (TypeError, ValueError) as error:
-            raise RefusedFileError(
-                f"the attribute {key!r}{f' of {place!r}' if place else ''} is {attributes[key]!r}; "
-                f"expected was one number, the sampling rate in Hz. Correct the file."
-            ) from error
+        rate = float(np.asarray(_text(attributes[key]), np.float64).item())
         if own:
             content.rates[place] = rate
         else:

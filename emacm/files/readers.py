@@ -27,12 +27,6 @@ READERS: dict[str, Callable[[Path, FileColumns], None]] = {
 _KINDS: tuple[tuple[bytes, str, tuple[str, ...]], ...] = (  # first bytes, what it is, suffixes
     (b"\x1f\x8b", "compressed by gzip: unpack it", ()),
     (b"PK\x03\x04", "a ZIP archive, such as an Excel workbook: save it as CSV", (".npz",)),
-    (b"\x89HDF\r\n\x1a\n", "an HDF5 file: name it .h5, or .mat", (".mat", ".h5", ".hdf5")),
-    (b"RIFF", "a WAV file: name it .wav", (".wav",)),
-    (b"MATLAB 5.0", "a MAT file: name it .mat", (".mat",)),
-    (b"PAR1", "a Parquet file: name it .parquet", (".parquet",)),
-    (b"TDSm", "a TDMS file: name it .tdms", (".tdms",)),
-    (b"MDF ", "an MDF file: name it .mf4", (".mf4",)),
     (b"<!DOCTYPE", "a web page: download the file again", ()),
     (b"<html", "a web page: download the file again", ()),
     (b"version https://git-lfs", "a pointer of Git LFS: run git lfs pull", ()),
@@ -62,9 +56,8 @@ def read_columns(path: Path) -> FileColumns:
     """
     reader = READERS.get(path.suffix.lower())
     if reader is None:
-        kind = f"of type {path.suffix}" if path.suffix else "without a suffix"
         raise ValueError(
-            f"files {kind} are not read; known are {sorted(READERS)}. Convert it, or leave it out."
+            f"files of type {path.suffix!r} are not read; known are {sorted(READERS)}. Convert it."
         )
     size = path.stat().st_size
     if not path.is_file():
@@ -76,7 +69,9 @@ def read_columns(path: Path) -> FileColumns:
     content = FileColumns()
     try:
         reader(path, content)
-        return content.with_units_of_groups().without_units_in_names()
+        content.take_units_from_groups()
+        content.take_units_from_names()
+        return content
     except RefusedFileError as error:
         raise RefusedFileError(f"{error}{_other_kind(path)}") from error
     except (ImportError, FileNotFoundError, PermissionError):

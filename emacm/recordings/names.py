@@ -232,17 +232,6 @@ def _sizes(quantity: str) -> dict[str, float]:
     return {_plain(name): size for size, names in _UNITS[quantity].items() for name in names}
 
 
-def same_unit(one: str, other: str) -> bool:
-    """Tell whether two units are written alike, apart from spaces and exponents.
-
-    Examples
-    --------
-    >>> same_unit("m/s²", "m/s^2"), same_unit("mV", "MV")
-    (True, False)
-    """
-    return _plain(one) == _plain(other)
-
-
 def unit_ratio(one: str, other: str) -> float | None:
     """Return the factor by which values in one unit of a channel become values in another.
 

@@ -225,7 +225,8 @@ def meta_value(path: Path, layout: Layout, key: str) -> Any:
         meta = layout.meta_of(path)
         if key not in meta:
             raise ValueError(
-                f"its meta has no {key!r}, only {list(meta)}. State it by meta in the layout."
+                f"its meta has no {key!r}, only {list(meta)}. State it by meta in the layout, as "
+                f"in meta = '{{unit}}_{{state}}_{{run:d}}'."
             )
         return meta[key]
 

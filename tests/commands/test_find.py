@@ -84,7 +84,7 @@ def test_a_file_that_fails_has_a_row_and_status_3(here, capsys):
     [
         (["new"], "give --bearing 6205"),
         (["new", "--bearing", "62O5"], "6203, 6205"),
-        (["no shaft.csv", "--bearing", "6205"], "Give --speed in rpm"),
+        (["no shaft.csv", "--bearing", "6205"], "Give --speed, or"),
     ],
 )
 def test_what_is_missing_is_stated(here, capsys, options, message):

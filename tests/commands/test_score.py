@@ -161,7 +161,7 @@ def test_a_failed_file_is_status_3_and_the_table_is_complete(here, capsys):
         (["--cost", "none.csv"], ["files"], "none.csv"),
         (["--features"], ["files"], "--features needs --out FILE.sqlite"),
         (["--watch", "-1"], ["files"], "--watch: expected a number above 0"),
-        ([], ["empty"], "has no file of a known type"),
+        ([], ["empty"], "has no file that matches"),
     ],
 )
 def test_an_invalid_command_is_status_2_and_one_line(here, capsys, arguments, paths, message):

@@ -151,7 +151,7 @@ def test_costs_and_priors_of_the_command_are_in_the_saved_model(here):
             ["--healthy", "good"],
             "--healthy must name the healthy state",
         ),
-        (["--labels", "condition"], "has no meta key 'condition'"),
+        (["--labels", "condition"], "its meta has no 'condition'"),
         (["--priors", "x"], "--priors must be 'uniform'"),
         (["--max-order", "-3"], "--max-order: expected a number above 0"),
         (["--cost", "none.csv"], "none.csv"),
@@ -198,9 +198,8 @@ def test_a_layout_without_meta_is_an_error_with_an_example(here, capsys):
     Path("layout.toml").write_text('velocity = "speed"\n')
     assert train() == 2
     message = capsys.readouterr().err
-    assert "layout.toml has no meta" in message
-    assert "'U0_healthy_0.npz'" in message
-    assert 'meta = "{unit}_{state}_{run:d}"' in message
+    assert "U0_healthy_0.npz: its meta has no 'state'" in message
+    assert "meta = '{unit}_{state}_{run:d}'" in message
 
 
 @pytest.mark.parametrize(

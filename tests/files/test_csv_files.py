@@ -130,14 +130,14 @@ BLANK = "b,c,,,\n" + "1,2,,,\n" * 300  # more rows than are looked at for blank 
         ("# a\n\nb,c\n1,2\n\n3,4,\n5,6\n8,9\n", "Expected 2 fields in line 6, saw 3"),
         ("b c\n1 2\n3 4\n5 6 7\n8 9\n", "Expected 2 fields in line 4, saw 3"),
         ('b,c\n1,2\n3,"4\n5,6\n', "EOF inside string"),
-        (f"{BLANK}3,4,,5,\n", "sample 300 has the number 5.0 in a column without a name. Correct"),
-        ("b,c,\n1,2,\n3,4,\n6,7,8\n9,1,\n", "sample 2 has the number 8.0 in a column without a"),
-        ("\tc\n1\t2\n3\t4\n", r"header \['', 'c'\] does not name the 2 columns of its rows"),
+        (f"{BLANK}3,4,,5,\n", "sample 300 has 5.0 in a column without a name"),
+        ("b,c,\n1,2,\n3,4,\n6,7,8\n9,1,\n", "sample 2 has 8.0 in a column without a"),
+        ("\tc\n1\t2\n3\t4\n", r"header \['', 'c'\] does not name the 2 columns"),
         ("b,c\n1,2\n3,\n", "channel 'c' must be finite, got nan at sample 1"),
         ("1;2\n", "channel 'x0' must hold at least 2 samples"),
         ("b,c\n1,2,5\n3,4\n6,7\n8,9\n", "line 2 has 3 values, but there are 2 columns. Correct"),
         ("b,,c\n1,2,3\n4,5,6\n", r"header \['b', '', 'c'\] does not name the 3 columns"),
-        ("b,c,d\n1,,3\n4,,6\n", "column 'c' is empty: it has no value at all"),
+        ("b,c,d\n1,,3\n4,,6\n", "channel 'c' must be finite, got nan at sample 0"),
     ],
 )
 def test_rows_that_do_not_fit_the_header_are_refused(tmp_path, text, message):

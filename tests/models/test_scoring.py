@@ -289,7 +289,7 @@ FAILURES = {
         "a.npz",
         lambda p: np.savez(p, vib=3.0, text="a"),
         LAYOUT,
-        r"no signal, only \['vib'\]; 'text' holds texts",
+        r"no signal, only \['vib'\]; 'text' holds no numbers, but <U",
     ),
 }
 

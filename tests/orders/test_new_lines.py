@@ -191,10 +191,6 @@ def test_one_group_for_each_recording_is_needed(training):
         BinTransformer(max_order=12).fit(table(training), groups=np.zeros((60, 2)))
     with pytest.raises(ValueError, match="that of recording 3 is missing"):
         BinTransformer(max_order=12).fit(table(training), groups=["a"] * 3 + [None] + ["b"] * 56)
-    with pytest.raises(
-        TypeError, match=r"labels, such as names.*got \['unit', 1\]. Join the parts"
-    ):
-        BinTransformer(max_order=12).fit(table(training), groups=[["unit", 1]] * 60)
 
 
 def test_with_metadata_routing_the_groups_of_a_search_reach_the_bins(training):
