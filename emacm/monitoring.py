@@ -2,8 +2,7 @@
 
 - `OrderMonitor`: applies a fitted model to signals while they are measured, and returns a `Reading`
   of each interval.
-- `EWMA`, `CUSUM`: alarms on readings, with the average run length for the baseline in use;
-  `InputAlarm`: alarms on unknown states and implausible input.
+- `EWMA`, `CUSUM`: alarms on readings, with the average run length for the baseline in use.
 - `HealthIndex`, `health_trend`: distance from healthy recordings, its limits, and its trend for
   each unit.
 - `severity_zones`, `severity_zone`, `vibration_velocity`, `vibration_severity`: vibration severity
@@ -16,7 +15,6 @@
 
 from emacm.alarms.control_charts import CUSUM, EWMA, AlarmReadings
 from emacm.alarms.health_index import HealthIndex, health_trend
-from emacm.alarms.input_alarms import InputAlarm
 from emacm.alarms.run_lengths import RunLength
 from emacm.alarms.severity_zones import (
     severity_zone,
@@ -42,7 +40,6 @@ __all__ = [
     "AlarmReadings",
     "HealthIndex",
     "History",
-    "InputAlarm",
     "MaintenanceCosts",
     "OrderMonitor",
     "Reading",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -83,9 +84,7 @@ class AlarmDisplay(Display):
             If `estimator` is no fitted alarm, or X is invalid.
         """
         check_is_fitted(estimator)
-        state = estimator.state()
-        statistic = estimator.reset().update(X).statistic[:, 0]
-        estimator.restore(state)
+        statistic = deepcopy(estimator).reset().update(X).statistic[:, 0]
         options.setdefault("name", type(estimator).__name__ + " [standard deviations]")
         options["two_sided"] = isinstance(estimator, EWMA)
         return cls(times, statistic, estimator.limit_, **options).plot(ax=ax)

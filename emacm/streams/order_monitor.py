@@ -22,13 +22,13 @@ from emacm.streams.spectrum_stream import Settings, SpectrumStream
 from emacm.streams.streamed_models import Reading, ReadingAlarms, StreamedModel
 
 _ON = (
-    "Nothing of this block, and of short ones collected with it, was taken: repair the samples and "
-    "push them again, or flush() and go on after them."
+    "Nothing of this block was taken: repair the samples and push them again, or flush() and go on "
+    "after them."
 )
 
 
 class StreamInput(Resumable):
-    """Collects short blocks of samples, checks them together, and unwraps wrapped angles.
+    """Checks blocks of samples, and unwraps wrapped angles.
 
     Parameters
     ----------
@@ -38,63 +38,21 @@ class StreamInput(Resumable):
         Rates and channels (of `names`), and highest speed of the shaft.
     wrapped : bool
         Whether angles are wrapped at 2π.
-    short : float
-        Blocks are collected until they are as long as this [s].
-
-    Attributes
-    ----------
-    n_collected : int
-        Samples of the shaft that were collected, and not checked yet.
     """
 
-    held = ("_last", "_turns", "_collected", "n_collected")
+    held = ("_last", "_turns")
 
     def __init__(
-        self,
-        channels: Sequence[str],
-        names: Sequence[str],
-        settings: Settings,
-        wrapped: bool,
-        *,
-        short: float = 0.05,
+        self, channels: Sequence[str], names: Sequence[str], settings: Settings, wrapped: bool
     ) -> None:
         self._channels, self._names = channels, names
         self._settings, self._wrapped = settings, wrapped
-        one_rate = len({*settings.rates}) == 1  # of the channels and the shaft
-        self._n_short = int(short * settings.shaft_fs) if one_rate else 0
         self.reset()
 
     def reset(self) -> None:
         """Begin another recording."""
         self._last: Samples = np.empty(0)  # the last angle, as measured
         self._turns = 0  # to be added to it
-        self._collected: list[Samples] = []
-        self.n_collected = 0
-
-    def collect(self, signals: Any, shaft: Any) -> bool:
-        """Keep a copy of a short block of arrays of equal lengths; tell whether it was kept."""
-        if type(shaft) is not np.ndarray or shaft.size + self.n_collected >= self._n_short:
-            return False
-        if isinstance(signals, Mapping):
-            rows = [signals.get(name) for name in self._channels]
-            alike = all(type(row) is np.ndarray and row.shape == shaft.shape for row in rows)
-            signals = np.array(rows) if alike else None
-        wanted = (len(self._channels), shaft.size)
-        if type(signals) is not np.ndarray or signals.shape != wanted:
-            return False
-        if signals.dtype.kind not in "iuf" or shaft.dtype.kind not in "iuf":
-            return False
-        block = np.empty((len(signals) + 1, shaft.size))
-        block[:-1], block[-1] = signals, shaft
-        self._collected.append(block)
-        self.n_collected += shaft.size
-        return True
-
-    def collected(self) -> Samples:
-        """Return what was collected, the shaft as the last row, and begin to collect again."""
-        block = np.concatenate(self._collected, axis=1)
-        self._collected, self.n_collected = [], 0
-        return block
 
     def checked(
         self, signals: Any, shaft: Any, reference: str, times: Sequence[float]
@@ -192,11 +150,9 @@ _PARTS = ("input", "alarms", "cutter", "stream")
 class OrderMonitor:
     """Apply a fitted model to signals while they are measured.
 
-    Samples are accepted in blocks of any length. Blocks of arrays of one rate that are shorter than
-    50 ms are collected until they are as long, and then checked and processed together. The
-    features of a reading are those that the model computes of a `Recording` of the same samples,
-    whatever the blocks are. Only what later results depend on is held: some 21,000 samples of each
-    channel, and a few segments.
+    Samples are accepted in blocks of any length. The features of a reading are those that the model
+    computes of a `Recording` of the same samples, whatever the blocks are. Only what later results
+    depend on is held: some 21,000 samples of each channel, and a few segments.
 
     Parameters
     ----------
@@ -222,9 +178,10 @@ class OrderMonitor:
         Whether `angle` is wrapped at 2π. Its steps must then be less than π.
     alarms : mapping of str to EWMA or CUSUM, optional
         Fitted charts of single features (names as of ``model[:-1].get_feature_names_out()``) or of
-        "expected_cost". Unknown states, untypical readings, intervals without a segment, and
-        levels and units far outside those of the training are alarms in any case (`InputAlarm`), as
-        are channels that are clipped, overflow, drop out or have a far offset, unlike in training.
+        "expected_cost". Unknown states, two successive readings with a typicality of at most 0.01,
+        intervals without a segment, and levels and units far outside those of the training are
+        alarms in any case, as are channels that are clipped, overflow, drop out or have a far
+        offset, unlike in training.
 
     Attributes
     ----------
@@ -241,7 +198,6 @@ class OrderMonitor:
     --------
     emacm.score : Decisions on recordings.
     emacm.monitoring.EWMA : Alarms on its readings.
-    emacm.monitoring.InputAlarm : Alarms on unknown states and implausible input.
 
     Notes
     -----
@@ -304,7 +260,7 @@ class OrderMonitor:
     @property
     def time(self) -> float:
         """Time up to which all channels of the model and the shaft were received [s]."""
-        return min(self._times()) + self._input.n_collected / self._shaft_fs
+        return min(self._times(self._origin))
 
     def push(
         self,
@@ -342,11 +298,12 @@ class OrderMonitor:
         reference = "velocity" if angle is None else "angle"
         self._check_reference(reference, velocity, angle)
         shaft = velocity if angle is None else angle
-        if time is None and self._reference and self._input.collect(signals, shaft):
-            return []
-        self._take_collected()
         origin = self._checked_time(time)
-        self._take(signals, shaft, reference, origin)
+        self._check_memory()
+        streams = self._input.checked(signals, shaft, reference, self._times(origin))
+        if not self._reference:
+            self._begin(reference, origin)
+        self._cutter.append(streams)
         return self._advance()
 
     def flush(self, *, complete: bool | None = None) -> list[Reading]:
@@ -371,7 +328,6 @@ class OrderMonitor:
         """
         if not self._reference:
             return []
-        self._take_collected()
         readings = self._advance()
         labels = [f"channel {self._names[group[0]]!r}" for group in self._groups.values()]
         counts = zip(
@@ -446,9 +402,8 @@ class OrderMonitor:
             raise ValueError(f"the state is damaged ({error!r}); {text}") from error
         return self
 
-    def _times(self, origin: float | None = None) -> list[float]:
+    def _times(self, origin: float) -> list[float]:
         """Return the time of the next sample of each group and of the shaft [s]."""
-        origin = self._origin if origin is None else origin
         received = zip(self._cutter.received, self._settings.rates, strict=True)
         return [origin + n / rate for n, rate in received]
 
@@ -476,20 +431,6 @@ class OrderMonitor:
             reference,
         )
         self._stream = SpectrumStream(self._settings, reference)
-
-    def _take(self, signals: Any, shaft: Any, reference: str, origin: float) -> None:
-        """Check a block, and add it to the samples of the recording, which may begin with it."""
-        self._check_memory()
-        streams = self._input.checked(signals, shaft, reference, self._times(origin))
-        if not self._reference:
-            self._begin(reference, origin)
-        self._cutter.append(streams)
-
-    def _take_collected(self) -> None:
-        """Take the short blocks that were collected."""
-        if self._input.n_collected:
-            *signals, shaft = self._input.collected()
-            self._take(signals, shaft, self._reference, self._origin)
 
     def _advance(self) -> list[Reading]:
         """Process the samples that are known to belong to an interval."""

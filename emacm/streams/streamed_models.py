@@ -14,7 +14,6 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from emacm.alarms.control_charts import CUSUM, EWMA
-from emacm.alarms.input_alarms import InputAlarm
 from emacm.decisions.pipelines import search_estimator
 from emacm.decisions.risks import LeastRiskMixin
 from emacm.orders.bin_transformer import collected_statements
@@ -23,13 +22,12 @@ from emacm.recordings.digests import model_digest
 from emacm.resampling.order_resampler import OrderResampler, SignalCache
 from emacm.resampling.quality import Quality
 from emacm.resampling.training_range import outside_range
-from emacm.streams.packed_state import Resumable
 
 Array = NDArray[np.floating]
 _COST = "expected_cost"
 
 
-class ReadingAlarms(Resumable):
+class ReadingAlarms:
     """Alarms on the readings of a model.
 
     Parameters
@@ -38,6 +36,10 @@ class ReadingAlarms(Resumable):
         The model.
     charts : mapping of str to EWMA or CUSUM, or None
         Fitted charts by the name of a feature, or "expected_cost".
+    typicality : float, default=0.01
+        Typicality at or below which a reading is untypical.
+    consecutive : int, default=2
+        Successive untypical readings that give an alarm.
 
     Attributes
     ----------
@@ -50,21 +52,23 @@ class ReadingAlarms(Resumable):
         If a name is unknown, or a chart is not fitted on one column.
     """
 
-    held = ("_input", "_charts")
-
-    def __init__(self, model: StreamedModel, charts: Mapping[str, EWMA | CUSUM] | None) -> None:
+    def __init__(
+        self,
+        model: StreamedModel,
+        charts: Mapping[str, EWMA | CUSUM] | None,
+        *,
+        typicality: float = 0.01,
+        consecutive: int = 2,
+    ) -> None:
         if not isinstance(charts, Mapping | None):
             raise TypeError(f"alarms must map features to charts, got {charts!r}.")
-        charts = charts or {}
-        self._charts = deepcopy(list(charts.values()))  # each monitor continues its own
-        self.charts: dict[str, str] = {}
+        self._charts = deepcopy(dict(charts or {}))  # each monitor continues its own
         self._features = model.feature_names() if charts else []
-        for name, chart in charts.items():
+        for name, chart in self._charts.items():
             if name not in (_COST, *self._features):
-                shown = ", ".join(map(repr, self._features[:8]))
                 raise ValueError(
-                    f"alarms must name features or {_COST!r}, got {name!r}; the features are "
-                    f"{shown}{', ...' if len(self._features) > 8 else ''}."
+                    f"alarms must name features or {_COST!r}, got {name!r}; the first features are "
+                    f"{self._features[:8]}."
                 )
             if not isinstance(chart, EWMA | CUSUM) or not hasattr(chart, "mean_"):
                 raise TypeError(f"alarms[{name!r}] must be a fitted EWMA or CUSUM, got {chart!r}.")
@@ -73,9 +77,11 @@ class ReadingAlarms(Resumable):
                     f"alarms[{name!r}] must be fitted on one column, {name!r}, got a chart of "
                     f"{chart.n_features_in_} columns."
                 )
-            self.charts[name] = chart.state()["chart"]
+        self.charts = {name: chart.identity() for name, chart in self._charts.items()}
         unknown = getattr(model.classifier, "unknown", None)
-        self._input = InputAlarm(unknown="unknown" if unknown is None else unknown)
+        self._unknown = "unknown" if unknown is None else unknown
+        self._typicality, self._consecutive = typicality, consecutive
+        self._n_untypical = 0
 
     def update(self, reading: Reading) -> tuple[str, ...]:
         """Return the alarms of the next reading, in words.
@@ -89,14 +95,17 @@ class ReadingAlarms(Resumable):
         -------
         tuple of str
         """
-        names = ("decision", "typicality", "error")
-        row: dict[str, Any] = {name: getattr(reading, name) for name in names}
-        reasons = self._input.reasons(row | {"outside_training": reading.defects})
-        found = ["; ".join(reasons)] if reasons else []
+        found = [*filter(None, [reading.error]), *reading.defects]
+        if reading.decision == self._unknown:
+            found.append("unknown state")
+        is_untypical = reading.typicality is not None and reading.typicality <= self._typicality
+        self._n_untypical = self._n_untypical + 1 if is_untypical else 0
+        if self._n_untypical >= self._consecutive:
+            found.append(f"{self._n_untypical} successive untypical readings")
         values: dict[str, Any] = {_COST: reading.expected_cost}
         if reading.features is not None:
             values |= dict(zip(self._features, reading.features, strict=False))
-        for name, chart in zip(self.charts, self._charts, strict=True):
+        for name, chart in self._charts.items():
             value = values.get(name)
             if value is None:
                 continue
@@ -107,6 +116,17 @@ class ReadingAlarms(Resumable):
             if alarm.any():
                 found.append(f"{type(chart).__name__} of {name}: {float(statistic[0, 0]):.3g}")
         return tuple(found)
+
+    def state(self) -> dict[str, Any]:
+        """Return all that `restore` needs."""
+        statistics = {name: chart.statistic_ for name, chart in self._charts.items()}
+        return {"n_untypical": self._n_untypical, "statistics": statistics}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state that was packed and unpacked."""
+        self._n_untypical = state["n_untypical"]
+        for name, chart in self._charts.items():
+            chart.statistic_ = state["statistics"][name]
 
 
 _CHAIN = "OrderResampler, OrderPSD, transformers of tables (BinTransformer, FaultLines, ...)"
