@@ -41,8 +41,10 @@ def health_trend(model: Any, recordings: Any, *, unit: Any = None, time: Any) ->
     Returns
     -------
     DataFrame
-        As of `HealthIndex.trend`, with the columns "recording" (path, or number in `recordings`)
-        and "error" (empty if there is none); rows with an error have no index and no alarm.
+        Sorted by unit and time: "unit", "time", "index", "limit", "alarm" (whether it exceeds the
+        limit), "false_alarm" (the rate of the limit), "baseline" ("unit" or "population"),
+        "recording" (path, or number in `recordings`) and "error" (empty if there is none); rows
+        with an error have no index and no alarm.
 
     Raises
     ------
@@ -80,6 +82,7 @@ def health_trend(model: Any, recordings: Any, *, unit: Any = None, time: Any) ->
     if unit is not None:
         units = read_meta(entries, unit, role="unit", arrays=True)
     times = read_meta(entries, time, role="time", arrays=True)
+    read_grouping(times, units, "times", "time")  # refuses times without an order
     values, errors = np.full(len(entries), np.nan), [""] * len(entries)
     for k, entry in enumerate(entries):
         try:
@@ -88,8 +91,15 @@ def health_trend(model: Any, recordings: Any, *, unit: Any = None, time: Any) ->
                 values[k] = index.transform(model[:-1].transform([entry]), units[k : k + 1])[0, 0]
         except Exception as error:  # whatever it is, it is the result for this recording
             errors[k] = " ".join(str(error).split()) or type(error).__name__
-    names = paths_or_numbers(entries)
-    return index._trend(values, times, units, recording=names, error=errors)
+    table = pd.DataFrame({"unit": units, "time": times, "index": values})
+    known = {unit for unit, value in zip(units, values, strict=True) if np.isfinite(value)}
+    limits = {unit: index.limit(unit) for unit in known}
+    table["limit"] = [limits.get(unit, np.nan) for unit in units]
+    table["alarm"] = table["index"] > table["limit"]
+    table["false_alarm"] = np.nan if index.false_alarm is None else index.false_alarm
+    table["baseline"] = [_UNIT if unit in index.units_ else _POPULATION for unit in units]
+    table["recording"], table["error"] = paths_or_numbers(entries), errors
+    return table.sort_values(["unit", "time"], kind="stable", ignore_index=True)
 
 
 Array = NDArray[np.float64]
@@ -242,8 +252,10 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         blocks = _labels(X, range(len(X)) if groups is None else groups, "groups")
         self._baselines = known = _Baselines.of(X, own, self.min_baseline)
         if not known.total.any() or (known.means and not known.within.any()):
-            where = "" if not known.total.any() else " within units: are recordings copies?"
-            raise ValueError(f"X has no variation in any of {X.shape[1]} features{where or '.'}")
+            raise ValueError(
+                f"X has no variation in any of {X.shape[1]} features, or none within units: are "
+                f"recordings copies?"
+            )
         self.units_ = tuple(known.means)
         population = blocks if own is None else own
         found = [_left_out_indices(X, own, population, _POPULATION, self.min_baseline)]
@@ -280,7 +292,10 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         UserWarning
             If several rows of `fit` are among X: they are closer to their mean than new ones are.
         """
-        X, own = self._checked(X, units)
+        check_is_fitted(self)
+        check_table(X)
+        X = validate_data(self, X, dtype=np.float64, reset=False)
+        own = None if units is None else _labels(X, units, "units")
         known = int(np.isin(_row_digests(X), self._fitted_rows).sum())
         if known > 1:  # a single row is no baseline
             warnings.warn(
@@ -291,10 +306,6 @@ class HealthIndex(TransformerMixin, SavedEstimator):
                 stacklevel=3,
             )
         return self._baselines.distances(X, own)[:, np.newaxis]
-
-    def score_samples(self, X: Any, units: ArrayLike | None = None) -> Array:
-        """Return the negative index, shape (n_recordings,): larger is more normal."""
-        return -self.transform(X, units)[:, 0]
 
     def limit(self, unit: Any = None) -> float:
         """Return the limit of the index of a unit, at `false_alarm`.
@@ -312,24 +323,15 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         Raises
         ------
         ValueError
-            If there are too few groups for `false_alarm` (see `few_groups`), or no group can be
-            left out.
+            If there are too few groups for `false_alarm` (see `few_groups`).
         """
         check_is_fitted(self)
         if self.false_alarm is None:
             return float("nan")
         kind = _UNIT if unit is not None and unit in self.units_ else _POPULATION
         left = self.left_out_[self.left_out_["baseline"] == kind]
-        name = "units or groups"
-        if kind == _UNIT:
-            name = f"groups of units with {self.min_baseline} further recordings"
         groups, values = pd.factorize(left["group"])[0], left["index"].to_numpy()
         n_groups = len(set(groups))
-        if not n_groups:
-            raise ValueError(
-                f"there is no limit, as no healthy group can be left out: there are no {name}. "
-                f"Take groups that are smaller, such as runs, or more healthy recordings."
-            )
         if self.few_groups == "log-normal" and 1 < n_groups < groups_needed(1 - self.false_alarm):
             largest = np.log(pd.Series(values).groupby(groups).max())
             quantile = student.ppf(1 - self.false_alarm, n_groups - 1)
@@ -340,51 +342,8 @@ class HealthIndex(TransformerMixin, SavedEstimator):
             f"limit for a false alarm rate of {self.false_alarm:g} (1 - coverage; possible from "
             f"{least:g} on)"
         ):
-            return grouped_quantile(values, groups, 1 - self.false_alarm, name=name, beyond=1)
-
-    def trend(self, X: Any, times: ArrayLike, units: ArrayLike | None = None) -> pd.DataFrame:
-        """Return the index of each unit over time or cycles, with its limit.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_recordings, n_features)
-            Features.
-        times : array-like of shape (n_recordings,)
-            Time of each recording: dates, or numbers such as hours or cycles.
-        units : array-like of shape (n_recordings,), optional
-            Unit of each recording. Default: all are of one unit, compared with the population.
-
-        Returns
-        -------
-        DataFrame
-            Sorted by unit and time: "unit", "time", "index", "limit", "alarm" (whether it exceeds
-            the limit), "false_alarm" (the rate of the limit) and "baseline" ("unit" or
-            "population").
-
-        Raises
-        ------
-        ValueError
-            If X, times or units are invalid, or there are too few groups for the limit.
-        """
-        X, own = self._checked(X, units)
-        when = read_meta(X, times, role="times", arrays=True)
-        labels = ["all"] * len(X) if own is None else own.tolist()
-        return self._trend(self._baselines.distances(X, own), when, labels)
-
-    def _trend(
-        self, index: Array, times: list[Any], labels: list[Any], **columns: list[Any]
-    ) -> pd.DataFrame:
-        """Return the trend with further columns; an index that is not known is NaN."""
-        read_grouping(times, labels, "times", "time")  # refuses times without an order
-        known = {unit for unit, value in zip(labels, index, strict=True) if np.isfinite(value)}
-        limits = {unit: self.limit(unit) for unit in known}
-        table = pd.DataFrame({"unit": labels, "time": times, "index": index})
-        table["limit"] = [limits.get(unit, np.nan) for unit in labels]
-        table["alarm"] = table["index"] > table["limit"]
-        table["false_alarm"] = np.nan if self.false_alarm is None else self.false_alarm
-        table["baseline"] = [_UNIT if unit in self.units_ else _POPULATION for unit in labels]
-        table = table.assign(**columns)
-        return table.sort_values(["unit", "time"], kind="stable", ignore_index=True)
+            share = 1 - self.false_alarm
+            return grouped_quantile(values, groups, share, name="units or groups", beyond=1)
 
     def _warn_of_drift(self, X: Array, own: pd.Series | None, blocks: pd.Series) -> None:
         """Warn if the groups, in their order, are not exchangeable, as the limits assume."""
@@ -407,12 +366,6 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         """Return the name of the index, "health_index"."""
         check_is_fitted(self)
         return np.array(["health_index"], dtype=object)
-
-    def _checked(self, X: Any, units: Any) -> tuple[Array, pd.Series | None]:
-        check_is_fitted(self)
-        check_table(X)
-        X = validate_data(self, X, dtype=np.float64, reset=False)
-        return X, None if units is None else _labels(X, units, "units")
 
 
 def _labels(X: Array, labels: Any, role: str) -> pd.Series:

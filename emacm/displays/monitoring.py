@@ -123,7 +123,7 @@ class TrendDisplay(Display):
     Parameters
     ----------
     table : DataFrame
-        As of `HealthIndex.trend`: columns "unit", "time", "index", "limit" (NaN if there is none),
+        As of `health_trend`: columns "unit", "time", "index", "limit" (NaN if there is none),
         "alarm" and, optionally, "false_alarm", of at most 8 units. Rows without an index are not
         drawn.
     time_label : str
