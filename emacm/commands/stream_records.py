@@ -60,7 +60,8 @@ class StreamRecords:
         self._turns_since: float | None = None  # time of the stream [s]
         self._sinks = [JsonLines(), *sinks_of(options.sink)]
         self._page_written = -math.inf  # time of the computer [s]
-        if options.page and not isinstance(self._sinks[-1], History):
+        self._history = next((sink for sink in self._sinks if isinstance(sink, History)), None)
+        if options.page and self._history is None:
             raise ValueError("--page needs a history: give --sink FILE.sqlite as well.")
 
     def _alarm_setting(self, model: Any) -> AlarmSetting:
@@ -149,13 +150,8 @@ class StreamRecords:
 
     def _write_page(self, every: float = 10.0) -> None:
         """Write the page of the fleet, at most once in some seconds."""
-        history = self._sinks[-1]
-        now = time.monotonic()
-        if (
-            self._options.page
-            and isinstance(history, History)
-            and now >= self._page_written + every
-        ):
+        now, history = time.monotonic(), self._history
+        if self._options.page and history and now >= self._page_written + every:
             from emacm.reports.fleet import write_fleet  # needs jinja2
 
             self._page_written = now
@@ -166,7 +162,7 @@ class StreamRecords:
     def close(self) -> None:
         """Write the page of the fleet, and close the sinks."""
         self._write_page(every=0.0)
-        for sink in self._sinks:
+        for sink in reversed(self._sinks):  # others need the history to the end
             sink.close()
 
     def state(self, pending: Sequence[Record] = ()) -> bytes:
