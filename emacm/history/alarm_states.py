@@ -41,8 +41,7 @@ def reasons_of(
     record : mapping of str to object
         Fields of a record.
     defects : iterable of str
-        Sentences on defects of channels, on what is far outside the training, and of charts (they
-        begin with ``EWMA of`` or ``CUSUM of``).
+        Sentences on defects of channels, and on what is far outside the training.
     healthy : collection of str
         Decisions that are no reason.
     typicality : float
@@ -53,7 +52,7 @@ def reasons_of(
     Returns
     -------
     dict of (channel, kind) to str
-        Kinds are "error", "decision" (untypical readings included), "input", and the charts.
+        Kinds are "error", "decision" (untypical readings included) and "input".
 
     Examples
     --------
@@ -70,9 +69,6 @@ def reasons_of(
         found["", "decision"] = record["decision"] + untypical
     longest_first = sorted(channels, key=len, reverse=True)
     for text in defects:
-        if text.startswith(("EWMA of ", "CUSUM of ")):
-            found["", text.rpartition(": ")[0]] = text
-            continue
         of_channel = (c for c in longest_first if f"'{c}'" in text or text.startswith(f"{c}: "))
         key = next(of_channel, ""), "input"
         found[key] = "; ".join(filter(None, [found.get(key), text]))
@@ -121,7 +117,7 @@ class AlarmStates:
             As in the field "alarms" of a record.
         """
         rule, changes = self._rule, []
-        for key in [*dict.fromkeys([*self._recent, *reasons])]:
+        for key in dict.fromkeys([*self._recent, *reasons]):
             recent = [*self._recent.get(key, []), key in reasons][-max(rule.of, rule.quiet) :]
             self._recent[key] = recent
             if key not in self._open and sum(recent[-rule.of :]) >= rule.needed:
