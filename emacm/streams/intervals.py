@@ -36,9 +36,11 @@ class IntervalCutter(Resumable):
         Start of the interval [s].
     stop : float
         Its end, exclusive [s]; inf until it is known.
+    rows : list of HeldRows
+        Samples that wait to be taken, of each group and of the shaft.
     """
 
-    held = ("_rows", "_given", "_examined", "_number", "_turned", "start", "stop")
+    held = ("rows", "_given", "_examined", "_number", "_turned", "start", "stop")
 
     def __init__(
         self,
@@ -54,8 +56,8 @@ class IntervalCutter(Resumable):
         self._reference, self._rounding = reference, rounding
         # Samples at the end of an interval that the next one may begin with.
         self._shared = 2 if every < np.inf and len({*settings.rates, slowest}) > 1 else 0
-        self._rows = [HeldRows(n) for n in [*map(len, settings.groups.values()), 1]]
-        self._given = [0] * len(self._rows)  # samples that were given out, or belong to no interval
+        self.rows = [HeldRows(n) for n in [*map(len, settings.groups.values()), 1]]
+        self._given = [0] * len(self.rows)  # samples that were given out, or belong to no interval
         self._examined = 0  # the last sample of the shaft up to which its angle is known
         self._number = 0
         self._turned = 0.0  # angle of the shaft in the interval [rad]
@@ -65,16 +67,11 @@ class IntervalCutter(Resumable):
     @property
     def received(self) -> list[int]:
         """Samples received of each group and of the shaft."""
-        return [rows.length for rows in self._rows]
-
-    @property
-    def n_waiting(self) -> int:
-        """Most samples of a channel that are held."""
-        return max(rows.n_held for rows in self._rows)
+        return [rows.length for rows in self.rows]
 
     def append(self, streams: Sequence[Samples]) -> None:
         """Add the next samples of the channels of each group, and of the shaft."""
-        for rows, block in zip(self._rows, streams, strict=True):
+        for rows, block in zip(self.rows, streams, strict=True):
             rows.append(block)
 
     def take(self, *, all_of_them: bool = False) -> list[Samples]:
@@ -83,13 +80,13 @@ class IntervalCutter(Resumable):
         if by_angle and self.stop == np.inf:
             self._look_for_stop()
         taken = []
-        for i, rows in enumerate(self._rows):
+        for i, rows in enumerate(self.rows):
             first, last = min(rows.length, self._given[i]), rows.length
             if not all_of_them or self.stop < np.inf:
                 last = max(first, min(last, self._last(i)))
             taken.append(rows.between(first, last))
             self._given[i] = max(self._given[i], last)
-            is_shaft = rows is self._rows[-1]
+            is_shaft = rows is self.rows[-1]
             kept = last - self._shared
             rows.drop(min(kept, self._examined) if is_shaft and by_angle else kept)
         return taken
@@ -112,17 +109,17 @@ class IntervalCutter(Resumable):
 
     def _last(self, i: int) -> int:
         """Last + 1 sample that may be given out."""
-        rate, shaft = self._rates[i], self._rows[-1]
+        rate, shaft = self._rates[i], self.rows[-1]
         if self.stop < np.inf:
             return ceil(self.stop * rate - self._rounding)
-        if self._every == np.inf or self._rows[i] is shaft:
-            return self._rows[i].length
+        if self._every == np.inf or self.rows[i] is shaft:
+            return self.rows[i].length
         # The interval may end where the shaft has got to.
         return floor(shaft.length / self._rates[-1] * rate)
 
     def _look_for_stop(self) -> None:
         """Find the sample of the shaft at which the interval has its revolutions."""
-        (shaft,) = self._rows[-1].between(self._examined, self._rows[-1].length)
+        (shaft,) = self.rows[-1].between(self._examined, self.rows[-1].length)
         steps = self._steps(shaft)
         turn = 2 * np.pi / self._settings.ratio  # of the measured shaft
         limit = self._every * turn * (1 - 1e-12)  # beyond the rounding of the sum

@@ -357,8 +357,8 @@ class OrderMonitor:
             An npz file of arrays and numbers, without pickled code.
         """
         parts = {name: getattr(self, f"_{name}") for name in _PARTS}
-        own = {"settings": self._settings_text(), "model": self._model.digest()}
-        return packed(own | parts | {"origin": self._origin, "reference": self._reference})
+        own = {"settings": self._settings_text(), "origin": self._origin}
+        return packed(own | parts | {"reference": self._reference})
 
     def restore(self, state: bytes) -> OrderMonitor:
         """Go on after the last sample before `state`.
@@ -383,13 +383,9 @@ class OrderMonitor:
         stated, own = tree.get("settings"), self._settings_text()
         if stated != own:
             raise ValueError(
-                f"the state belongs to a monitor of other settings: {stated}; this one has {own}. "
-                f"Use the same model and options."
-            )
-        if tree.get("model") != self._model.digest():
-            raise ValueError(
-                "the state belongs to another model: its parameters or fitted values differ. Load "
-                "the model with which the state was written, or begin another recording without it."
+                f"the state belongs to another model, or to other options: {stated}; this monitor "
+                f"has {own}. Take the model and the options with which it was written, or begin "
+                f"another recording without it."
             )
         try:
             self._begin(tree["reference"], tree["origin"])
@@ -452,11 +448,11 @@ class OrderMonitor:
             reading = self._model.reading(start, end, powers, quality, complete=complete)
         except ValueError as problem:  # such as an interval in which the shaft stands still
             error = " ".join(str(problem).split())
-            reading = Reading(start, end, None, {}, None, {}, None, complete=complete, error=error)
+            reading = Reading(start, end, complete=complete, error=error)
         return replace(reading, alarms=self._alarms.update(reading)) if complete else reading
 
     def _check_memory(self) -> None:
-        n_held = max(self._stream.n_held, self._cutter.n_waiting)
+        n_held = max(rows.n_held for rows in [*self._stream.inputs, *self._cutter.rows])
         if n_held > self._settings.most_held:
             raise ValueError(
                 f"at {self.time:.6g} s, {n_held} samples of a channel are held, as the last stroke "
@@ -489,9 +485,10 @@ class OrderMonitor:
         return self._origin
 
     def _settings_text(self) -> str:
-        """Return what must agree, beside the model, for a state to be restored."""
+        """Return what must agree for a state to be restored."""
         facts = {
             "version": __version__,
+            "model": self._model.digest(),
             "channels": self._channels,
             "fs": self._rates,
             "shaft_fs": self._shaft_fs,

@@ -72,8 +72,7 @@ class HeldRows(Resumable):
     @property
     def _joined(self) -> Samples:
         if len(self._blocks) > 1:
-            blocks = [block for block in self._blocks if block.shape[1]] or self._blocks[:1]
-            self._blocks = [np.concatenate(blocks, axis=1)] if len(blocks) > 1 else blocks
+            self._blocks = [np.concatenate(self._blocks, axis=1)]
         return self._blocks[0]
 
 

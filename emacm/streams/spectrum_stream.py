@@ -193,11 +193,9 @@ class SpectrumStream(Resumable):
         The channels, by sampling rate as in `Settings.groups`.
     quality : StreamQuality
         Speeds, revolutions and levels; complete after `finish`.
-    n_held : int
-        Most samples of a channel that were held when some were last processed.
     """
 
-    held = ("shaft", "signals", "quality", "n_held", "_sums", "_counts", "_longest", "_due")
+    held = ("shaft", "signals", "quality", "_sums", "_counts", "_longest", "_due")
 
     def __init__(self, settings: Settings, reference: str) -> None:
         self._settings = settings
@@ -211,14 +209,17 @@ class SpectrumStream(Resumable):
         self._fastest = max(settings.rates)
         self.quality = StreamQuality(settings.names)
         self._due = settings.waiting  # samples at the fastest rate, at which some are processed
-        self.n_held = 0
+
+    @property
+    def inputs(self) -> list[HeldRows]:
+        """The samples of the channels, by group, and of the shaft reference."""
+        return [*self.signals, self.shaft.measured]
 
     def append(self, streams: Sequence[Array]) -> None:
         """Add the next samples of the channels, by group, and of the shaft; process what is due."""
-        inputs = [*self.signals, self.shaft.measured]
-        for held, block in zip(inputs, streams, strict=True):
+        for held, block in zip(self.inputs, streams, strict=True):
             held.append(block)
-        n_times = max(held.length for held in inputs)
+        n_times = max(held.length for held in self.inputs)
         if n_times >= self._due:
             first = self._process(ended=False)
             # Where little could be processed, as in a rest, it is not tried again with every block.
@@ -231,7 +232,7 @@ class SpectrumStream(Resumable):
         Raises
         ------
         ValueError
-            If no stroke (of one direction) is as long as a segment, or powers overflow.
+            If no stroke (of one direction) is as long as a segment.
         """
         self._process(ended=True)
         plan = self._settings.plan
@@ -242,8 +243,6 @@ class SpectrumStream(Resumable):
                     f"one has {longest / plan.samples_per_rev:.4g}."
                 )
         spectra = plan.spectrum_of(self._sums / self._counts, 1)
-        if not np.all(np.isfinite(spectra)):
-            raise ValueError("a power exceeds the range of float64. State signals in other units.")
         return spectra if plan.by_direction else spectra[:, 0]
 
     def _new_powers(self, direction: int) -> dict[str, StrokePowers]:
@@ -323,16 +322,14 @@ class SpectrumStream(Resumable):
     def _forget(self) -> float:
         """Drop samples that are not needed any more."""
         shaft, margin = self.shaft, self._settings.margin
-        needed, n_held = [(shaft.n_examined - 1) / shaft.fs], [0]
+        needed = [(shaft.n_examined - 1) / shaft.fs]
         for growing in shaft.strokes:
             for powers in growing.powers.values():
                 needed.append(powers.spreading.needed_from(growing.stroke.start / shaft.fs))
-                n_held.append(powers.spreading.n_held)
         first = min(needed)
         shaft.drop(int(first * shaft.fs) - margin)
         for held, fs in zip(self.signals, self._settings.groups, strict=True):
             held.drop(int(first * fs) - margin)
-        self.n_held = max(*n_held, *(held.n_held for held in [*self.signals, shaft.measured]))
         return first
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from copy import deepcopy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -171,11 +171,11 @@ class Reading:
 
     start: float
     time: float
-    features: Array | None = field(repr=False)
-    posterior: dict[Any, float]
-    decision: Any
-    risk: dict[Any, float]
-    typicality: float | None
+    features: Array | None = field(default=None, repr=False)
+    posterior: dict[Any, float] = field(default_factory=dict)
+    decision: Any = None
+    risk: dict[Any, float] = field(default_factory=dict)
+    typicality: float | None = None
     alarms: tuple[str, ...] = ()
     outside_training: tuple[str, ...] = ()
     complete: bool = True
@@ -221,12 +221,17 @@ class StreamedModel:
             )
         check_is_fitted(model)
         steps = [step for step in _flattened(model) if not isinstance(step, SignalCache)]
-        first, second = [*steps, None, None][:2]
-        if not isinstance(first, OrderResampler):
-            raise ValueError(_refusal(first, "OrderResampler", "first"))
-        if not isinstance(second, OrderPSD):
-            raise ValueError(_refusal(second, "OrderPSD", "second"))
-        self.resampler, self.psd = first, second
+        self.resampler, self.psd = [*steps, None, None][:2]
+        for place, step, kind in (
+            ("first", self.resampler, OrderResampler),
+            ("second", self.psd, OrderPSD),
+        ):
+            if not isinstance(step, kind):
+                raise ValueError(
+                    f"the {place} step of the model must be {kind.__name__}, got "
+                    f"{type(step).__name__}, which needs whole recordings. A stream is processed "
+                    f"by {_CHAIN} and a classifier; apply other models to recordings with score."
+                )
         self._check_options()
         self.classifier = steps.pop() if hasattr(steps[-1], "predict_proba") else None
         self._transformers = steps[2:]
@@ -256,38 +261,39 @@ class StreamedModel:
             for transformer in self._transformers:
                 table = transformer.transform(table)
         outside = outside_range(quality, self.resampler.training_range_, {})
-        texts = tuple(statement.text for statement in outside)
-        lines = tuple(new_lines[0]) if complete else ()
+        texts = [statement.text for statement in outside]
+        lines = new_lines[0] if complete else []
         usual = self.resampler.training_findings_
         defects = [found.text for found in quality.findings if found.kind not in usual]
         defects += [statement.text for statement in outside if statement.severe]
-        reading = Reading(
-            *(start, time, np.asarray(table)[0], {}, None, {}, None, (), texts, complete),
-            defects=tuple(defects) if complete else (),
+        return Reading(
+            start,
+            time,
+            np.asarray(table)[0],
+            **self._decided(table),
+            outside_training=tuple(texts or lines),
+            complete=complete,
+            defects=(*defects, *lines) if complete else (),
             fastest=quality.row["fastest"],
         )
+
+    def _decided(self, table: Any) -> dict[str, Any]:
+        """Return the fields of a reading that the classifier states."""
+        found: dict[str, Any] = {}
         final = self.classifier
         if final is None:
-            return reading
+            return found
         probabilities, states = final.predict_proba(table), final.classes_
         if isinstance(final, LeastRiskMixin):
             probabilities, states = final.truth_proba(table, probabilities), final.truths_
-        typicality, risk = None, {}
+        found["posterior"] = _labelled(states, probabilities[0])
+        (found["decision"],) = np.asarray(final.predict(table)).tolist()
+        if hasattr(final, "risk"):
+            found["risk"] = _labelled(final.decisions_, final.risk(table)[0])
         if hasattr(final, "typicality"):
             with suppress(ValueError):  # the model has no typicality
-                typicality = float(final.typicality(table)[0])
-        if hasattr(final, "risk"):
-            risk = _labelled(final.decisions_, final.risk(table)[0])
-        (decision,) = np.asarray(final.predict(table)).tolist()
-        return replace(
-            reading,
-            posterior=_labelled(states, probabilities[0]),
-            decision=decision,
-            risk=risk,
-            typicality=typicality,
-            defects=(*reading.defects, *lines),
-            outside_training=texts or lines,
-        )
+                found["typicality"] = float(final.typicality(table)[0])
+        return found
 
     def digest(self) -> str:
         """Return the digest of the parameters and the fitted values of all steps."""
@@ -324,14 +330,6 @@ def _flattened(model: Pipeline) -> list[Any]:
         elif step is not None and step != "passthrough":
             steps.append(step)
     return steps
-
-
-def _refusal(step: Any, wanted: str, place: str) -> str:
-    return (
-        f"the {place} step of the model must be {wanted}, got {type(step).__name__}, which needs "
-        f"whole recordings. A stream is processed by {_CHAIN} and a classifier; apply other models "
-        f"to finished recordings with score."
-    )
 
 
 def _labelled(labels: Any, values: Any) -> dict[Any, float]:

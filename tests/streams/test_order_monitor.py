@@ -401,7 +401,7 @@ def test_charts_of_several_columns_and_states_of_other_charts_are_refused():
     charts = [EWMA().fit(baseline[:, :1]), EWMA().fit(baseline[:, 1:])]
     first, second = (monitor_of(model, recording, alarms={"expected_cost": c}) for c in charts)
     assert first.restore(first.state()) is first
-    with pytest.raises(ValueError, match="belongs to a monitor of other settings"):
+    with pytest.raises(ValueError, match="belongs to another model, or to other options"):
         second.restore(first.state())
 
 
@@ -489,7 +489,7 @@ def test_what_is_no_state_of_this_monitor_is_refused(fitted):
     state = monitor.state()
     with pytest.raises(ValueError, match="no state of OrderMonitor"):
         monitor.restore(state[:-40])
-    with pytest.raises(ValueError, match="belongs to a monitor of other settings"):
+    with pytest.raises(ValueError, match="belongs to another model, or to other options"):
         monitor_of(model, recording, every=3).restore(state)
 
 
@@ -503,7 +503,7 @@ def test_a_state_of_another_model_is_refused(fitted):
     same.set_params(costsensitivegaussianbayes__cost={("new", "worn"): 8})
     refitted = model_of(recorded("ramp", RATES["one rate"], "velocity", seed=1))
     for changed in (refitted, same):
-        with pytest.raises(ValueError, match=r"belongs to another model.* Load the model with"):
+        with pytest.raises(ValueError, match=r"belongs to another model.* Take the model"):
             monitor_of(changed, recording).restore(state)
 
 
