@@ -19,8 +19,8 @@ from emacm._checks import check_choice, check_number, check_real_array, check_si
 from emacm.recordings.recording import Recording
 from emacm.stroke_features.statistics import RecordingStatistics
 
-GRAVITY = 9.80665  # m/s2, standard acceleration of gravity
-_TO_MM_PER_S2 = {"m/s2": 1e3, "m/s²": 1e3, "m/s^2": 1e3, "mm/s2": 1.0, "g": 1e3 * GRAVITY}
+# Standard acceleration of gravity: 9.80665 m/s2.
+_TO_MM_PER_S2 = {"m/s2": 1e3, "m/s²": 1e3, "m/s^2": 1e3, "mm/s2": 1.0, "g": 9806.65}
 
 _LARGE = ("ISO 20816-3", "above 300 kW, or shaft height from 315 mm")
 _MEDIUM = ("ISO 20816-3", "15 to 300 kW, or shaft height 160 to 315 mm")
@@ -220,12 +220,7 @@ def vibration_severity(recording: Recording, machine_class: str) -> pd.DataFrame
             f"({', '.join(_TO_MM_PER_S2)}); the units are {dict(recording.units)}. Give "
             f"units={{...}} to the recording."
         )
-    velocities: dict[str, float] = {}
-    for name in channels:
-        signal, fs, unit = recording.signals[name], recording.fs[name], recording.units[name]
-        with located(f"channel {name!r}"):
-            velocities[name] = vibration_velocity(signal, fs, unit=unit)
-    table = pd.DataFrame({"velocity": velocities})
+    table = pd.DataFrame({"velocity": {name: _velocity_of(recording, name) for name in channels}})
     table["zone"] = severity_zone(table["velocity"].to_numpy(), machine_class)
     table["meaning"] = table["zone"].map(ZONES)
     table["source"] = _CLASSES[machine_class][3]
@@ -284,12 +279,16 @@ def vibration_indicators(
             with suppress(ValueError):
                 value = RecordingStatistics((name,), **options).fit_transform([recording])
                 found[f"{channel}:{name}"] = float(np.asarray(value)[0, 0])
-        unit = recording.units.get(channel)
-        if unit in _TO_MM_PER_S2:
-            with suppress(ValueError):
-                signal, fs = recording.signals[channel], recording.fs[channel]
-                velocity = vibration_velocity(signal, fs, unit=unit)
-                found[f"{channel}:velocity [mm/s]"] = velocity
-                if machine_class is not None:
-                    found[f"{channel}:zone"] = severity_zone(velocity, machine_class)
+        with suppress(ValueError):  # no acceleration, shorter than 1 s, or sampled below 2000 Hz
+            velocity = _velocity_of(recording, channel)
+            found[f"{channel}:velocity [mm/s]"] = velocity
+            if machine_class is not None:
+                found[f"{channel}:zone"] = severity_zone(velocity, machine_class)
     return found
+
+
+def _velocity_of(recording: Recording, channel: str) -> float:
+    """Return the velocity of a channel of acceleration [mm/s rms]."""
+    signal, fs = recording.signals[channel], recording.fs[channel]
+    with located(f"channel {channel!r}"):
+        return vibration_velocity(signal, fs, unit=recording.units.get(channel, ""))
