@@ -54,8 +54,6 @@ class IntervalCutter(Resumable):
         self._settings, self._rates, self._slowest = settings, settings.rates, slowest
         self._every, self._in_seconds = every, in_seconds
         self._reference, self._rounding = reference, rounding
-        # Samples at the end of an interval that the next one may begin with.
-        self._shared = 2 if every < np.inf and len({*settings.rates, slowest}) > 1 else 0
         self.rows = [HeldRows(n) for n in [*map(len, settings.groups.values()), 1]]
         self._given = [0] * len(self.rows)  # samples that were given out, or belong to no interval
         self._examined = 0  # the last sample of the shaft up to which its angle is known
@@ -87,7 +85,7 @@ class IntervalCutter(Resumable):
             taken.append(rows.between(first, last))
             self._given[i] = max(self._given[i], last)
             is_shaft = rows is self.rows[-1]
-            kept = last - self._shared
+            kept = last - 2  # the next interval may begin with samples at the end of this one
             rows.drop(min(kept, self._examined) if is_shaft and by_angle else kept)
         return taken
 

@@ -77,12 +77,11 @@ class StreamInput(Resumable):
         for (rate, group), time in zip(self._settings.groups.items(), times, strict=False):
             names = [self._names[k] for k in group]
             taken = [_samples(rows[name], f"channel {name!r}", rate, time) for name in names]
-            lengths = [len(row) for row in taken]
-            if min(lengths) < max(lengths):
-                k = int(np.not_equal(lengths, lengths[0]).argmax())
+            lengths = {name: len(row) for name, row in zip(names, taken, strict=True)}
+            if len({*lengths.values()}) > 1:
                 raise ValueError(
                     f"channels of {rate:g} Hz must have equally many samples in a block, got "
-                    f"{lengths[0]} and {lengths[k]} of {names[k]!r}."
+                    f"{lengths}."
                 )
             streams.append(np.array(taken))
         motion = _samples(shaft, reference, self._settings.shaft_fs, times[-1])
@@ -152,7 +151,7 @@ class OrderMonitor:
 
     Samples are accepted in blocks of any length. The features of a reading are those that the model
     computes of a `Recording` of the same samples, whatever the blocks are. Only what later results
-    depend on is held: some 21,000 samples of each channel, and a few segments.
+    depend on is held: some 25,000 samples of each channel, and a few segments.
 
     Parameters
     ----------
@@ -376,8 +375,7 @@ class OrderMonitor:
         Raises
         ------
         ValueError
-            If the state cannot be read, or is that of another model or other options. Of a state
-            that is damaged inside, nothing is restored: the monitor then has no samples.
+            If the state cannot be read, or is that of another model or other options.
         """
         tree = unpacked(state)
         stated, own = tree.get("settings"), self._settings_text()
@@ -387,15 +385,9 @@ class OrderMonitor:
                 f"has {own}. Take the model and the options with which it was written, or begin "
                 f"another recording without it."
             )
-        try:
-            self._begin(tree["reference"], tree["origin"])
-            for name in _PARTS:
-                getattr(self, f"_{name}").restore(tree[name])
-        except (KeyError, IndexError, TypeError, ValueError) as error:
-            self._input.reset()
-            self._begin("", 0.0)
-            text = "nothing was restored. Go on without it, which begins another recording."
-            raise ValueError(f"the state is damaged ({error!r}); {text}") from error
+        self._begin(tree["reference"], tree["origin"])
+        for name in _PARTS:
+            getattr(self, f"_{name}").restore(tree[name])
         return self
 
     def _times(self, origin: float) -> list[float]:

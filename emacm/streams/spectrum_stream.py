@@ -206,7 +206,6 @@ class SpectrumStream(Resumable):
         self._sums = np.zeros((*shape, settings.plan.n_orders))
         self._counts = np.zeros((*shape, 1))
         self._longest = np.zeros(len(settings.kinds), int)  # outputs
-        self._fastest = max(settings.rates)
         self.quality = StreamQuality(settings.names)
         self._due = settings.waiting  # samples at the fastest rate, at which some are processed
 
@@ -221,10 +220,8 @@ class SpectrumStream(Resumable):
             held.append(block)
         n_times = max(held.length for held in self.inputs)
         if n_times >= self._due:
-            first = self._process(ended=False)
-            # Where little could be processed, as in a rest, it is not tried again with every block.
-            waiting = self._settings.waiting
-            self._due = max(int(first * self._fastest), n_times - waiting // 2) + waiting
+            self._process(ended=False)
+            self._due = n_times + self._settings.waiting
 
     def finish(self) -> Array:
         """End the recording, and return its spectra, shape (n_channels, [n_directions,] n_orders).
@@ -261,11 +258,8 @@ class SpectrumStream(Resumable):
             for factor in range(1, upsampling(fs, highest, settings.theta_s) + 1)
         }
 
-    def _process(self, *, ended: bool) -> float:
-        """Advance all strokes, and forget those that are complete and samples of the past.
-
-        Returns the time of the first sample that is still needed [s].
-        """
+    def _process(self, *, ended: bool) -> None:
+        """Advance all strokes, and forget those that are complete and samples of the past."""
         for group, held in zip(self._settings.groups.values(), self.signals, strict=True):
             self.quality.add_samples(group, held)
         self.shaft.advance(ended=ended)
@@ -273,7 +267,7 @@ class SpectrumStream(Resumable):
             if growing.powers:
                 self._advance(growing, ended=ended)
         self.shaft.strokes = [s for s in self.shaft.strokes if s.powers or not s.complete]
-        return self._forget()
+        self._forget()
 
     def _advance(self, growing: GrowingStroke, *, ended: bool) -> None:
         """Process what is known of a stroke, and take up its powers if that is all of it."""
@@ -319,7 +313,7 @@ class SpectrumStream(Resumable):
             speeds = settings.ratio * growing.slowest, settings.ratio * growing.fastest
             self.quality.add_stroke(path, *speeds)
 
-    def _forget(self) -> float:
+    def _forget(self) -> None:
         """Drop samples that are not needed any more."""
         shaft, margin = self.shaft, self._settings.margin
         needed = [(shaft.n_examined - 1) / shaft.fs]
@@ -330,7 +324,6 @@ class SpectrumStream(Resumable):
         shaft.drop(int(first * shaft.fs) - margin)
         for held, fs in zip(self.signals, self._settings.groups, strict=True):
             held.drop(int(first * fs) - margin)
-        return first
 
 
 def _check_reversal(path: ShaftPath) -> None:

@@ -33,7 +33,6 @@ from emacm._kernels import using
 from emacm.monitoring import CUSUM, EWMA
 from emacm.resampling.order_resampler import SignalCache
 from emacm.shaft.angle import angle_from_velocity
-from emacm.streams.packed_state import packed, unpacked
 from emacm.streams.spectrum_stream import Settings
 
 TURN = 2 * np.pi
@@ -505,20 +504,6 @@ def test_a_state_of_another_model_is_refused(fitted):
     for changed in (refitted, same):
         with pytest.raises(ValueError, match=r"belongs to another model.* Take the model"):
             monitor_of(changed, recording).restore(state)
-
-
-def test_a_damaged_state_restores_nothing(fitted):
-    model, recording = fitted
-    monitor = monitor_of(model, recording)
-    monitor.push(block(), velocity=np.full(100, 20.0))
-    tree = unpacked(monitor.state())
-    del tree["stream"]["shaft"]
-    with pytest.raises(ValueError, match=r"state is damaged .*begins another recording"):
-        monitor.restore(packed(tree))
-    assert monitor.flush() == []
-    first = readings_of(monitor, recording, [2.0])
-    again = readings_of(monitor_of(model, recording), recording, [2.0])
-    np.testing.assert_array_equal(first[0].features, again[0].features)
 
 
 @pytest.mark.parametrize("signals", [None, 3.0, np.zeros(100)])
