@@ -20,7 +20,6 @@ from emacm.alarms.run_lengths import (
     stated_run_length,
 )
 from emacm.alarms.stationarity import BaselineTests, trend_probability
-from emacm.recordings.digests import content_digest
 
 Array = NDArray[np.float64]
 
@@ -169,11 +168,6 @@ class _Chart(SavedEstimator):
         """
         self.statistic_ = np.zeros(len(self.mean_))
         return self
-
-    def identity(self) -> str:
-        """Return what must agree for a statistic to be continued by another chart."""
-        baseline = content_digest("baseline", [self.mean_, self.scale_])[:12]
-        return f"{self!r} with limit {self.limit_:.12g} and baseline {baseline}"
 
     def _table(self, X: Any, **options: Any) -> Array:
         check_table(X)

@@ -15,7 +15,7 @@ from sklearn.covariance import LedoitWolf
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_choice, check_count, check_number, check_table, located
+from emacm._checks import check_choice, check_number, check_table, located
 from emacm._saved import SavedEstimator
 from emacm.alarms.stationarity import instability
 from emacm.calibration.left_out import grouped_quantile, groups_needed, left_out
@@ -96,7 +96,7 @@ def health_trend(model: Any, recordings: Any, *, unit: Any = None, time: Any) ->
     limits = {unit: index.limit(unit) for unit in known}
     table["limit"] = [limits.get(unit, np.nan) for unit in units]
     table["alarm"] = table["index"] > table["limit"]
-    table["false_alarm"] = np.nan if index.false_alarm is None else index.false_alarm
+    table["false_alarm"] = index.false_alarm
     table["baseline"] = [_UNIT if unit in index.units_ else _POPULATION for unit in units]
     table["recording"], table["error"] = paths_or_numbers(entries), errors
     return table.sort_values(["unit", "time"], kind="stable", ignore_index=True)
@@ -112,15 +112,13 @@ class HealthIndex(TransformerMixin, SavedEstimator):
 
     It is fitted on healthy recordings only and needs no faults. The distance is that of
     Mahalanobis, divided by the square root of the number of features: healthy recordings are about
-    1 away. A unit with enough healthy recordings in `fit` is compared with its own mean; any other
-    with the mean of all units, whose differences then count as usual.
+    1 away. A unit with five healthy recordings or more in `fit` is compared with its own mean; any
+    other with the mean of all units, whose differences then count as usual.
 
     Parameters
     ----------
-    false_alarm : float or None, default=0.05
-        Probability that a healthy recording exceeds the limit. None: there is no limit.
-    min_baseline : int, default=5
-        Number of healthy recordings from which a unit has a baseline of its own.
+    false_alarm : float, default=0.05
+        Probability that a healthy recording exceeds the limit.
     few_groups : {"refuse", "log-normal"}
         With fewer groups than `false_alarm` needs: the limit is refused; or the logarithm of the
         largest index of a group is taken to be normal, and the limit is its prediction limit.
@@ -194,13 +192,11 @@ class HealthIndex(TransformerMixin, SavedEstimator):
 
     def __init__(
         self,
-        false_alarm: float | None = 0.05,
+        false_alarm: float = 0.05,
         *,
-        min_baseline: int = 5,
         few_groups: str = "refuse",
     ) -> None:
         self.false_alarm = false_alarm
-        self.min_baseline = min_baseline
         self.few_groups = few_groups
 
     def fit(
@@ -235,9 +231,7 @@ class HealthIndex(TransformerMixin, SavedEstimator):
             Without `groups`; if the groups, in their order, are not exchangeable: a drift or
             a correlation of successive ones.
         """
-        if self.false_alarm is not None:
-            check_number(self.false_alarm, "false_alarm", above=0, below=1)
-        check_count(self.min_baseline, "min_baseline", at_least=2)
+        check_number(self.false_alarm, "false_alarm", above=0, below=1)
         check_choice(self.few_groups, "few_groups", ("refuse", "log-normal"))
         check_table(X)
         X = validate_data(self, X, dtype=np.float64, ensure_min_samples=2)
@@ -250,7 +244,7 @@ class HealthIndex(TransformerMixin, SavedEstimator):
             )
         own = None if units is None else _labels(X, units, "units")
         blocks = _labels(X, range(len(X)) if groups is None else groups, "groups")
-        self._baselines = known = _Baselines.of(X, own, self.min_baseline)
+        self._baselines = known = _Baselines.of(X, own)
         if not known.total.any() or (known.means and not known.within.any()):
             raise ValueError(
                 f"X has no variation in any of {X.shape[1]} features, or none within units: are "
@@ -258,10 +252,10 @@ class HealthIndex(TransformerMixin, SavedEstimator):
             )
         self.units_ = tuple(known.means)
         population = blocks if own is None else own
-        found = [_left_out_indices(X, own, population, _POPULATION, self.min_baseline)]
+        found = [_left_out_indices(X, own, population, _POPULATION)]
         if own is not None:
             pairs = pd.Series(list(zip(own, blocks, strict=True)))
-            found.append(_left_out_indices(X, own, pairs, _UNIT, self.min_baseline))
+            found.append(_left_out_indices(X, own, pairs, _UNIT))
         self.left_out_ = pd.concat(found, ignore_index=True)
         self._fitted_rows = _row_digests(X)
         self._warn_of_drift(X, own, blocks)
@@ -318,7 +312,7 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         Returns
         -------
         float
-            NaN if `false_alarm` is None.
+            The limit.
 
         Raises
         ------
@@ -326,8 +320,6 @@ class HealthIndex(TransformerMixin, SavedEstimator):
             If there are too few groups for `false_alarm` (see `few_groups`).
         """
         check_is_fitted(self)
-        if self.false_alarm is None:
-            return float("nan")
         kind = _UNIT if unit is not None and unit in self.units_ else _POPULATION
         left = self.left_out_[self.left_out_["baseline"] == kind]
         groups, values = pd.factorize(left["group"])[0], left["index"].to_numpy()
@@ -337,12 +329,8 @@ class HealthIndex(TransformerMixin, SavedEstimator):
             quantile = student.ppf(1 - self.false_alarm, n_groups - 1)
             deviation = largest.std() * np.sqrt(1 + 1 / n_groups)
             return float(np.exp(largest.mean() + quantile * deviation))
-        least = np.ceil(1000 / (n_groups + 1)) / 1000  # rounded up: the stated rate is accepted
-        with located(
-            f"limit for a false alarm rate of {self.false_alarm:g} (1 - coverage; possible from "
-            f"{least:g} on)"
-        ):
-            share = 1 - self.false_alarm
+        share = 1 - self.false_alarm
+        with located(f"limit for a false alarm rate of {self.false_alarm:g}, 1 - coverage"):
             return grouped_quantile(values, groups, share, name="units or groups", beyond=1)
 
     def _warn_of_drift(self, X: Array, own: pd.Series | None, blocks: pd.Series) -> None:
@@ -401,7 +389,7 @@ class _Baselines:
     total: Array
 
     @classmethod
-    def of(cls, X: Array, units: pd.Series | None, min_baseline: int) -> _Baselines:
+    def of(cls, X: Array, units: pd.Series | None, *, min_baseline: int = 5) -> _Baselines:
         """Estimate the baselines of healthy recordings."""
         codes, names = pd.factorize(np.arange(len(X)) if units is None else units)
         counts = np.bincount(codes)
@@ -453,7 +441,7 @@ def _factor(residuals: Array, X: Array, divisor: int) -> Array:
 
 
 def _left_out_indices(
-    X: Array, units: pd.Series | None, labels: pd.Series, kind: str, min_baseline: int
+    X: Array, units: pd.Series | None, labels: pd.Series, kind: str
 ) -> pd.DataFrame:
     """Return the index of each recording by baselines without all recordings of its label."""
     values = np.full(len(X), np.nan)
@@ -461,7 +449,7 @@ def _left_out_indices(
         if len(others) < 2:
             continue
         rest = None if units is None else units.iloc[others]
-        baselines = _Baselines.of(X[others], rest, min_baseline)
+        baselines = _Baselines.of(X[others], rest)
         own = units.iloc[rows] if units is not None and kind == _UNIT else None
         if own is None or own.iloc[0] in baselines.means:  # else too few are left for a baseline
             values[rows] = baselines.distances(X[rows], own)

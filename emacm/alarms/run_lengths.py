@@ -200,12 +200,7 @@ class _Process:
     lengths are very sensitive; with blocks of residuals it is kept.
     """
 
-    def __init__(
-        self,
-        baseline: Array,
-        groups: NDArray[np.intp],
-        settings: Bootstrap = Bootstrap(),
-    ) -> None:
+    def __init__(self, baseline: Array, groups: NDArray[np.intp], settings: Bootstrap) -> None:
         self._settings = settings
         self._lengths = np.bincount(groups)
         n_groups = len(self._lengths)

@@ -114,7 +114,6 @@ def vibration_velocity(
     *,
     unit: str = "m/s2",
     band: tuple[float, float] = (10.0, 1000.0),
-    segment: float = 4.0,
 ) -> float:
     """Return the broad-band velocity of an acceleration, integrated over frequency.
 
@@ -131,8 +130,6 @@ def vibration_velocity(
         Unit of the acceleration.
     band : (float, float)
         Lowest and highest frequency [Hz].
-    segment : float, default=4.0
-        Length of the segments of Welch's method [s]; lines are 1 / segment [Hz] apart.
 
     Returns
     -------
@@ -168,7 +165,7 @@ def vibration_velocity(
             f"acceleration must last at least {10 / low:g} s, ten periods of {low:g} Hz, got "
             f"{len(signal) / fs:g} s. Record longer."
         )
-    n_segment = min(len(signal), round(segment * fs))
+    n_segment = min(len(signal), round(4 * fs))  # so that lines are 1/4 Hz apart
     frequencies, density = welch(signal, fs, nperseg=n_segment, detrend="constant")
     inside = (frequencies >= low) & (frequencies <= high)
     power = np.sum(density[inside] / (2 * np.pi * frequencies[inside]) ** 2) * frequencies[1]

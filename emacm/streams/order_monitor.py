@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from emacm._checks import check_choice, check_number, check_real_array
 from emacm._version import __version__
-from emacm.alarms.control_charts import CUSUM, EWMA
 from emacm.recordings.arguments import check_durations, check_rates, check_shaft_rate
 from emacm.recordings.names import check_channel_names, chosen_channels
 from emacm.resampling.order_resampler import check_angle_step
@@ -175,12 +174,6 @@ class OrderMonitor:
         Unit of `every`: revolutions of the shaft of interest, or seconds.
     wrapped : bool
         Whether `angle` is wrapped at 2π. Its steps must then be less than π.
-    alarms : mapping of str to EWMA or CUSUM, optional
-        Fitted charts of single features (names as of ``model[:-1].get_feature_names_out()``) or of
-        "expected_cost". Unknown states, two successive readings with a typicality of at most 0.01,
-        intervals without a segment, and levels and units far outside those of the training are
-        alarms in any case, as are channels that are clipped, overflow, drop out or have a far
-        offset, unlike in training.
 
     Attributes
     ----------
@@ -200,6 +193,11 @@ class OrderMonitor:
 
     Notes
     -----
+    Alarms of a reading are an unknown state, two successive readings with a typicality of at most
+    0.01, an interval without a segment, levels and units far outside those of the training, new
+    spectral lines, and channels that are clipped, overflow, drop out or have a far offset, unlike
+    in training. Control charts are updated with its features or its expected cost.
+
     A stroke goes on after a rest if the shaft then turns in the same direction. The samples of a
     rest are therefore held until it ends. `max_rest` of `OrderResampler` ends a stroke after a
     stated time at rest and limits the memory; without it, more than some four million samples of a
@@ -236,7 +234,6 @@ class OrderMonitor:
         every: float | None = None,
         unit: str = "revolutions",
         wrapped: bool = False,
-        alarms: Mapping[str, EWMA | CUSUM] | None = None,
     ) -> None:
         self._model = StreamedModel(model)
         self._channels = chosen_channels(channels, ())
@@ -251,7 +248,8 @@ class OrderMonitor:
         self._groups = {  # channels of one rate are held together
             rate: [k for k, other in enumerate(rates) if other == rate] for rate in rates
         }
-        self._alarms = ReadingAlarms(self._model, alarms)
+        unknown = getattr(self._model.classifier, "unknown", None)
+        self._alarms = ReadingAlarms("unknown" if unknown is None else unknown)
         self._begin("", 0.0)
         wrapped = check_choice(wrapped, "wrapped", (True, False))
         self._input = StreamInput(self._channels, self._names, self._settings, wrapped)
@@ -487,6 +485,5 @@ class OrderMonitor:
             "max_speed": self._max_speed,
             "every": self._every,
             "unit": self._unit,
-            "alarms": self._alarms.charts,
         }
         return json.dumps(facts)

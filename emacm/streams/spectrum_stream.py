@@ -31,21 +31,15 @@ class StreamQuality(Resumable):
         Names of the channels.
     """
 
-    held = ("_sums", "_row", "_forward", "_defects")
+    held = ("_sums", "_strokes", "_defects")
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = names
         # Number of samples of each channel, their sum and the sum of their squares.
         self._sums = np.zeros((3, len(names)))
         self._defects: list[tuple[int, str, str]] = []  # channel, kind and text, one of each
-        self._row = {
-            "revolutions": 0.0,
-            "strokes": 0,
-            "longest_stroke": 0.0,
-            "slowest": np.inf,
-            "fastest": 0.0,
-        }
-        self._forward = 0.0  # revolutions
+        # Direction, revolutions, and range of the speed of each.
+        self._strokes: list[tuple[int, float, float, float]] = []
 
     def add_samples(self, channels: Sequence[int], held: HeldRows) -> None:
         """Take up those samples of some channels that were not taken up yet."""
@@ -60,13 +54,7 @@ class StreamQuality(Resumable):
 
     def add_stroke(self, path: ShaftPath, slowest: float, fastest: float) -> None:
         """Take up a stroke of the shaft of interest and the range of its speed [rad/s]."""
-        row, revolutions = self._row, path.length / (2 * np.pi)
-        row["revolutions"] += revolutions
-        row["strokes"] += 1
-        row["longest_stroke"] = max(row["longest_stroke"], revolutions)
-        row["slowest"] = min(row["slowest"], slowest)
-        row["fastest"] = max(row["fastest"], fastest)
-        self._forward += revolutions if path.direction > 0 else 0.0
+        self._strokes.append((path.direction, path.length / (2 * np.pi), slowest, fastest))
 
     def quality(self, rates: Mapping[str, float]) -> Quality:
         """Return the properties of all that was taken up, for the rates of the channels [Hz]."""
@@ -74,10 +62,18 @@ class StreamQuality(Resumable):
         means = self._sums[1] / number
         levels = np.sqrt(np.maximum(self._sums[2] / number - means**2, 0.0))
         is_offset = np.abs(means) > CHANNEL_CHECKS.offset * levels  # at rest, a position may be so
-        row, revolutions, fastest = dict(self._row), self._row["revolutions"], self._row["fastest"]
-        row["slowest"] = row["slowest"] if row["strokes"] else 0.0
-        row["max_order"] = np.pi * min(rates.values()) / fastest if fastest else np.inf
-        share = self._forward / revolutions if revolutions else np.nan
+        turned = [revolutions for _, revolutions, _, _ in self._strokes]
+        fastest = max((most for *_, most in self._strokes), default=0.0)
+        row = {
+            "revolutions": sum(turned),
+            "strokes": len(turned),
+            "longest_stroke": max(turned, default=0.0),
+            "slowest": min((least for _, _, least, _ in self._strokes), default=0.0),
+            "fastest": fastest,
+            "max_order": np.pi * min(rates.values()) / fastest if fastest else np.inf,
+        }
+        forward = sum(revolutions for sign, revolutions, _, _ in self._strokes if sign > 0)
+        share = forward / row["revolutions"] if turned else np.nan
         named = dict(zip(rates, levels.tolist(), strict=True))
         seen = [found for found in self._defects if found[1] != "offset" or is_offset[found[0]]]
         findings = tuple(Finding(kind, text) for _, kind, text in seen)

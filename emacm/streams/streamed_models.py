@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import suppress
-from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,7 +11,6 @@ from numpy.typing import NDArray
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
-from emacm.alarms.control_charts import CUSUM, EWMA
 from emacm.decisions.pipelines import search_estimator
 from emacm.decisions.risks import LeastRiskMixin
 from emacm.orders.bin_transformer import collected_statements
@@ -22,79 +19,32 @@ from emacm.recordings.digests import model_digest
 from emacm.resampling.order_resampler import OrderResampler, SignalCache
 from emacm.resampling.quality import Quality
 from emacm.resampling.training_range import outside_range
+from emacm.streams.packed_state import Resumable
 
 Array = NDArray[np.floating]
-_COST = "expected_cost"
 
 
-class ReadingAlarms:
-    """Alarms on the readings of a model.
+class ReadingAlarms(Resumable):
+    """Alarms on readings that a model cannot judge.
 
     Parameters
     ----------
-    model : StreamedModel
-        The model.
-    charts : mapping of str to EWMA or CUSUM, or None
-        Fitted charts by the name of a feature, or "expected_cost".
+    unknown : label
+        Decision that is an alarm.
     typicality : float, default=0.01
         Typicality at or below which a reading is untypical.
     consecutive : int, default=2
         Successive untypical readings that give an alarm.
-
-    Attributes
-    ----------
-    charts : dict of str to str
-        By their name, what must agree for their state to be continued.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a name is unknown, or a chart is not fitted on one column.
     """
 
-    def __init__(
-        self,
-        model: StreamedModel,
-        charts: Mapping[str, EWMA | CUSUM] | None,
-        *,
-        typicality: float = 0.01,
-        consecutive: int = 2,
-    ) -> None:
-        if not isinstance(charts, Mapping | None):
-            raise TypeError(f"alarms must map features to charts, got {charts!r}.")
-        self._charts = deepcopy(dict(charts or {}))  # each monitor continues its own
-        self._features = model.feature_names() if charts else []
-        for name, chart in self._charts.items():
-            if name not in (_COST, *self._features):
-                raise ValueError(
-                    f"alarms must name features or {_COST!r}, got {name!r}; the first features are "
-                    f"{self._features[:8]}."
-                )
-            if not isinstance(chart, EWMA | CUSUM) or not hasattr(chart, "mean_"):
-                raise TypeError(f"alarms[{name!r}] must be a fitted EWMA or CUSUM, got {chart!r}.")
-            if chart.n_features_in_ != 1:
-                raise ValueError(
-                    f"alarms[{name!r}] must be fitted on one column, {name!r}, got a chart of "
-                    f"{chart.n_features_in_} columns."
-                )
-        self.charts = {name: chart.identity() for name, chart in self._charts.items()}
-        unknown = getattr(model.classifier, "unknown", None)
-        self._unknown = "unknown" if unknown is None else unknown
-        self._typicality, self._consecutive = typicality, consecutive
+    held = ("_n_untypical",)
+
+    def __init__(self, unknown: Any, *, typicality: float = 0.01, consecutive: int = 2) -> None:
+        self._unknown, self._typicality, self._consecutive = unknown, typicality, consecutive
         self._n_untypical = 0
 
     def update(self, reading: Reading) -> tuple[str, ...]:
-        """Return the alarms of the next reading, in words.
-
-        Parameters
-        ----------
-        reading : Reading
-            The reading.
-
-        Returns
-        -------
-        tuple of str
-        """
+        """Return the alarms of the next reading, in words."""
         found = [*filter(None, [reading.error]), *reading.defects]
         if reading.decision == self._unknown:
             found.append("unknown state")
@@ -102,31 +52,7 @@ class ReadingAlarms:
         self._n_untypical = self._n_untypical + 1 if is_untypical else 0
         if self._n_untypical >= self._consecutive:
             found.append(f"{self._n_untypical} successive untypical readings")
-        values: dict[str, Any] = {_COST: reading.expected_cost}
-        if reading.features is not None:
-            values |= dict(zip(self._features, reading.features, strict=False))
-        for name, chart in self._charts.items():
-            value = values.get(name)
-            if value is None:
-                continue
-            if not np.isfinite(value):  # such as the logarithm of a channel without power
-                found.append(f"{type(chart).__name__} of {name}: the value is {value}")
-                continue
-            statistic, alarm = chart.update(np.array([[value]]))
-            if alarm.any():
-                found.append(f"{type(chart).__name__} of {name}: {float(statistic[0, 0]):.3g}")
         return tuple(found)
-
-    def state(self) -> dict[str, Any]:
-        """Return all that `restore` needs."""
-        statistics = {name: chart.statistic_ for name, chart in self._charts.items()}
-        return {"n_untypical": self._n_untypical, "statistics": statistics}
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue from a state that was packed and unpacked."""
-        self._n_untypical = state["n_untypical"]
-        for name, chart in self._charts.items():
-            chart.statistic_ = state["statistics"][name]
 
 
 _CHAIN = "OrderResampler, OrderPSD, transformers of tables (BinTransformer, FaultLines, ...)"
@@ -158,8 +84,8 @@ class Reading:
         `emacm.outside_training` states it of the finished recording: speeds, revolutions, sampling
         rates, and levels.
     complete : bool
-        False for the reading of an unfinished interval: it has no alarms, states no new spectral
-        lines, and is no reading of the charts.
+        False for the reading of an unfinished interval: it has no alarms, and states no new
+        spectral lines.
     defects : tuple of str
         Defects of channels that those of the training do not have, what is far outside the
         training, and new spectral lines. Each is an alarm.
@@ -298,13 +224,6 @@ class StreamedModel:
     def digest(self) -> str:
         """Return the digest of the parameters and the fitted values of all steps."""
         return model_digest([self.resampler, self.psd, *self._transformers, self.classifier])
-
-    def feature_names(self) -> list[str]:
-        """Return the names of the features."""
-        names = self.psd.get_feature_names_out()
-        for transformer in self._transformers:
-            names = transformer.get_feature_names_out(names)
-        return list(names)
 
     def _check_options(self) -> None:
         resampler, psd = self.resampler, self.psd
