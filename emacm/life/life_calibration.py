@@ -345,9 +345,7 @@ class LifeModels:
         found = np.empty(remaining.shape)
         no_columns, ages = unit.columns[:first, np.newaxis, :0], unit.ages[:first, np.newaxis]
         found[:first] = self.population.cdf(remaining[:first], no_columns, ages)
-        if first < len(unit.ages):
-            if self.damage is None:
-                raise ValueError("no unit with damage was in the fit; set another onset.")
+        if self.damage is not None:
             wiener = isinstance(self.damage, WienerProcess)
             table = unit.states if wiener else unit.columns[first:]
             found[first:] = self.damage.cdf(remaining[first:], table[:, np.newaxis, :])

@@ -25,10 +25,6 @@ class IntervalCutter(Resumable):
         Length of an interval [s or revolutions]; inf for a single one.
     in_seconds : bool
         Which of the two.
-    reference : {"velocity", "angle"}
-        What is measured of the shaft.
-    rounding : float
-        Samples, by which a time in seconds may miss a sample.
 
     Attributes
     ----------
@@ -42,18 +38,9 @@ class IntervalCutter(Resumable):
 
     held = ("rows", "_given", "_examined", "_number", "_turned", "start", "stop")
 
-    def __init__(
-        self,
-        settings: Settings,
-        slowest: float,
-        every: float,
-        in_seconds: bool,
-        reference: str,
-        rounding: float = 1e-6,
-    ) -> None:
+    def __init__(self, settings: Settings, slowest: float, every: float, in_seconds: bool) -> None:
         self._settings, self._rates, self._slowest = settings, settings.rates, slowest
         self._every, self._in_seconds = every, in_seconds
-        self._reference, self._rounding = reference, rounding
         self.rows = [HeldRows(n) for n in [*map(len, settings.groups.values()), 1]]
         self._given = [0] * len(self.rows)  # samples that were given out, or belong to no interval
         self._examined = 0  # the last sample of the shaft up to which its angle is known
@@ -93,7 +80,7 @@ class IntervalCutter(Resumable):
     def complete(self) -> bool:
         """Whether all samples of the interval were given out."""
         return all(
-            n >= self.stop * rate - self._rounding
+            n >= self.stop * rate - self._settings.rounding
             for n, rate in zip(self._given, self._rates, strict=True)
         )
 
@@ -102,14 +89,14 @@ class IntervalCutter(Resumable):
         self._number += 1
         self.start, self._turned = self.stop, 0.0
         self.stop = (self._number + 1) * self._every if self._in_seconds else np.inf
-        begin = ceil(self.start * self._slowest - self._rounding) / self._slowest
+        begin = ceil(self.start * self._slowest - self._settings.rounding) / self._slowest
         self._given = [round(begin * rate) for rate in self._rates]
 
     def _last(self, i: int) -> int:
         """Last + 1 sample that may be given out."""
         rate, shaft = self._rates[i], self.rows[-1]
         if self.stop < np.inf:
-            return ceil(self.stop * rate - self._rounding)
+            return ceil(self.stop * rate - self._settings.rounding)
         if self._every == np.inf or self.rows[i] is shaft:
             return self.rows[i].length
         # The interval may end where the shaft has got to.
@@ -119,7 +106,7 @@ class IntervalCutter(Resumable):
         """Find the sample of the shaft at which the interval has its revolutions."""
         (shaft,) = self.rows[-1].between(self._examined, self.rows[-1].length)
         steps = self._steps(shaft)
-        turn = 2 * np.pi / self._settings.ratio  # of the measured shaft
+        turn = 2 * np.pi / self._settings.resampler.ratio  # of the measured shaft
         limit = self._every * turn * (1 - 1e-12)  # beyond the rounding of the sum
         used, turned = len(steps), self._turned + float(steps.sum())
         if turned >= limit:
@@ -131,8 +118,8 @@ class IntervalCutter(Resumable):
 
     def _steps(self, shaft: Samples) -> Samples:
         """Return the angles between successive samples, 0 at standstill [rad]."""
-        if self._reference == "angle":
+        if self._settings.reference == "angle":
             steps = np.abs(np.diff(shaft))
-            return steps * (steps * self._rates[-1] > self._settings.min_speed)
+            return steps * (steps * self._rates[-1] > self._settings.resampler.min_speed)
         steps = np.abs(shaft[1:] + shaft[:-1]) * (0.5 / self._rates[-1])
-        return steps * (np.abs(shaft[1:]) > self._settings.min_speed)
+        return steps * (np.abs(shaft[1:]) > self._settings.resampler.min_speed)

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from sklearn.base import clone
 
 from emacm._checks import check_choice, check_number, check_real_array
 from emacm._version import __version__
 from emacm.recordings.arguments import check_durations, check_rates, check_shaft_rate
 from emacm.recordings.names import check_channel_names, chosen_channels
-from emacm.resampling.order_resampler import check_angle_step
 from emacm.streams.intervals import IntervalCutter, Samples
 from emacm.streams.packed_state import Resumable, packed, unpacked
 from emacm.streams.spectrum_stream import Settings, SpectrumStream
@@ -395,28 +395,19 @@ class OrderMonitor:
 
     def _begin(self, reference: str, origin: float) -> None:
         """Begin a recording, whose shaft reference is "" before its first samples."""
-        resampler = self._model.resampler
         self._reference, self._origin = reference, origin
         self._settings = Settings(
+            reference,
             self._shaft_fs,
             self._groups,
             self._names,
-            check_angle_step(resampler.theta_s),
-            resampler.direction,
-            float(resampler.min_speed),
-            resampler.max_rest,
-            float(resampler.ratio),
+            clone(self._model.resampler),  # what is set meanwhile counts for the next recording
             self._max_speed,
             self._model.psd.plan,
         )
-        self._cutter = IntervalCutter(
-            self._settings,
-            min(*self._rates.values(), self._shaft_fs),
-            self._every,
-            self._unit == "s",
-            reference,
-        )
-        self._stream = SpectrumStream(self._settings, reference)
+        slowest = min(*self._rates.values(), self._shaft_fs)
+        self._cutter = IntervalCutter(self._settings, slowest, self._every, self._unit == "s")
+        self._stream = SpectrumStream(self._settings)
 
     def _advance(self) -> list[Reading]:
         """Process the samples that are known to belong to an interval."""
@@ -427,7 +418,7 @@ class OrderMonitor:
                 return readings
             readings.append(self._finish(self._origin + self._cutter.stop))
             self._cutter.next()
-            self._stream = SpectrumStream(self._settings, self._reference)
+            self._stream = SpectrumStream(self._settings)
 
     def _finish(self, end: float, *, complete: bool = True) -> Reading:
         """Return the reading of the interval that ends now."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm.orders.segment_plan import SectionCutter, SegmentPlan
+from emacm.resampling.order_resampler import OrderResampler
 from emacm.resampling.quality import CHANNEL_CHECKS, Finding, Quality, check_channel
 from emacm.resampling.spreading import DESIGN, Spreading, upsampling
 from emacm.shaft.motion import DIRECTIONS, ShaftPath
@@ -86,14 +87,16 @@ class Settings:
 
     Attributes
     ----------
+    reference : {"velocity", "angle"}
+        What is measured of the shaft; empty before the first samples.
     shaft_fs : float
         Sampling rate of the shaft reference [Hz].
     groups : mapping of float to sequence of int
         Sampling rates [Hz], each with the channels that have it.
     names : sequence of str
         Names of the channels.
-    theta_s, direction, min_speed, max_rest, ratio
-        As for `OrderResampler`.
+    resampler : OrderResampler
+        Strokes, and the angles of the samples.
     max_speed : float
         Highest speed of the measured shaft [rad/s].
     plan : SegmentPlan
@@ -105,21 +108,21 @@ class Settings:
         Samples of a channel or the shaft before those that are processed next.
     most_held : int
         Samples of a channel that may be held.
+    rounding : float
+        Samples, by which a time in seconds may miss a sample.
     """
 
+    reference: str
     shaft_fs: float
     groups: Mapping[float, Sequence[int]]
     names: Sequence[str]
-    theta_s: float
-    direction: str
-    min_speed: float
-    max_rest: float | None
-    ratio: float
+    resampler: OrderResampler
     max_speed: float
     plan: SegmentPlan
     waiting: int = 2 * 8192 + 64
     margin: int = 40
     most_held: int = 1 << 22
+    rounding: float = 1e-6
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -159,7 +162,7 @@ class StrokePowers(SectionCutter, Resumable):
     def __init__(self, settings: Settings, group: int, factor: int) -> None:
         super().__init__(settings.plan.n_per_segment, settings.plan.step)
         self._plan, self.group, self.factor = settings.plan, group, factor
-        self.spreading = Spreading(settings.rates[group], factor, settings.theta_s)
+        self.spreading = Spreading(settings.rates[group], factor, settings.resampler.theta_s)
         self.total: Any = 0.0
         self.count = 0
 
@@ -178,8 +181,6 @@ class SpectrumStream(Resumable):
     ----------
     settings : Settings
         What the spectra depend on.
-    reference : {"velocity", "angle"}
-        What is measured of the shaft.
 
     Attributes
     ----------
@@ -193,10 +194,10 @@ class SpectrumStream(Resumable):
 
     held = ("shaft", "signals", "quality", "_sums", "_counts", "_longest", "_due")
 
-    def __init__(self, settings: Settings, reference: str) -> None:
+    def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        motion = settings.shaft_fs, settings.min_speed, settings.max_rest
-        self.shaft = ShaftStream(reference, *motion, self._new_powers)
+        motion = settings.shaft_fs, settings.resampler.min_speed, settings.resampler.max_rest
+        self.shaft = ShaftStream(settings.reference, *motion, self._new_powers)
         self.signals = [HeldRows(len(group)) for group in settings.groups.values()]
         shape = len(settings.names), len(settings.kinds)
         self._sums = np.zeros((*shape, settings.plan.n_orders))
@@ -245,13 +246,13 @@ class SpectrumStream(Resumable):
         known before its end, all densities that are still possible are processed.
         """
         settings = self._settings
-        if direction not in DIRECTIONS[settings.direction]:
+        if direction not in DIRECTIONS[settings.resampler.direction]:
             return {}
-        highest = settings.ratio * settings.max_speed * (1 + 1e-9)
+        highest = settings.resampler.ratio * settings.max_speed * (1 + 1e-9)
         return {
             f"group {k}, factor {factor}": StrokePowers(settings, k, factor)
             for k, fs in enumerate(settings.groups)
-            for factor in range(1, upsampling(fs, highest, settings.theta_s) + 1)
+            for factor in range(1, upsampling(fs, highest, settings.resampler.theta_s) + 1)
         }
 
     def _process(self, *, ended: bool) -> None:
@@ -268,9 +269,10 @@ class SpectrumStream(Resumable):
     def _advance(self, growing: GrowingStroke, *, ended: bool) -> None:
         """Process what is known of a stroke, and take up its powers if that is all of it."""
         settings, powers, complete = self._settings, growing.powers, growing.complete
-        path = self.shaft.path(growing, settings.ratio)
+        theta_s = settings.resampler.theta_s
+        path = self.shaft.path(growing, settings.resampler.ratio)
         if complete:
-            kind, n_angles = self._kind(path), path.count(settings.theta_s)
+            kind, n_angles = self._kind(path), path.count(theta_s)
             self._longest[kind] = max(self._longest[kind], n_angles)
             if n_angles < settings.plan.n_per_segment:
                 powers.clear()  # no segment lies in it
@@ -278,7 +280,7 @@ class SpectrumStream(Resumable):
             return
         if powers:
             _check_reversal(path)
-        needed = [upsampling(fs, path.fastest, settings.theta_s) for fs in settings.groups]
+        needed = [upsampling(fs, path.fastest, theta_s) for fs in settings.groups]
         for name, each in list(powers.items()):
             if each.factor < needed[each.group] or (complete and each.factor > needed[each.group]):
                 del powers[name]
@@ -306,8 +308,8 @@ class SpectrumStream(Resumable):
             self._counts[place] += powers.count
         growing.powers.clear()
         if path.length > 0:
-            speeds = settings.ratio * growing.slowest, settings.ratio * growing.fastest
-            self.quality.add_stroke(path, *speeds)
+            ratio = settings.resampler.ratio
+            self.quality.add_stroke(path, ratio * growing.slowest, ratio * growing.fastest)
 
     def _forget(self) -> None:
         """Drop samples that are not needed any more."""
