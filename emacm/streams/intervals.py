@@ -49,11 +49,6 @@ class IntervalCutter(Resumable):
         self.start = 0.0
         self.stop = every if in_seconds else np.inf
 
-    @property
-    def received(self) -> list[int]:
-        """Samples received of each group and of the shaft."""
-        return [rows.length for rows in self.rows]
-
     def append(self, streams: Sequence[Samples]) -> None:
         """Add the next samples of the channels of each group, and of the shaft."""
         for rows, block in zip(self.rows, streams, strict=True):

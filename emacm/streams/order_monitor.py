@@ -327,10 +327,9 @@ class OrderMonitor:
             return []
         readings = self._advance()
         labels = [f"channel {self._names[group[0]]!r}" for group in self._groups.values()]
-        counts = zip(
-            [*labels, "the shaft"], self._cutter.received, self._settings.rates, strict=True
-        )
-        check_durations({name: (range(n), rate) for name, n, rate in counts})  # type: ignore[misc]
+        received = zip(self._cutter.rows, self._settings.rates, strict=True)
+        counts: Any = [(range(rows.length), rate) for rows, rate in received]
+        check_durations(dict(zip([*labels, "the shaft"], counts, strict=True)))
         self._stream.append(self._cutter.take(all_of_them=True))
         end = self.time
         if end > self._origin + self._cutter.start:
@@ -390,8 +389,8 @@ class OrderMonitor:
 
     def _times(self, origin: float) -> list[float]:
         """Return the time of the next sample of each group and of the shaft [s]."""
-        received = zip(self._cutter.received, self._settings.rates, strict=True)
-        return [origin + n / rate for n, rate in received]
+        received = zip(self._cutter.rows, self._settings.rates, strict=True)
+        return [origin + rows.length / rate for rows, rate in received]
 
     def _begin(self, reference: str, origin: float) -> None:
         """Begin a recording, whose shaft reference is "" before its first samples."""

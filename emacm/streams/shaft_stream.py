@@ -256,8 +256,6 @@ class ShaftStream(Resumable):
         speed = np.abs(self._velocity.between(first, stroke.stop))
         growing.slowest = min(growing.slowest, float(speed.min()))
         growing.fastest = max(growing.fastest, float(speed.max()))
-        if not self._is_angle and self._min_speed == 0:  # the shaft never turns back
-            return
         low = max(first - 1, stroke.start)
         travel = stroke.direction * (self.angle[low : stroke.stop] - growing.start_angle)
         largest = float(np.abs(np.diff(travel)).max(initial=0.0))

@@ -227,8 +227,6 @@ class StreamedModel:
 
     def _check_options(self) -> None:
         resampler, psd = self.resampler, self.psd
-        if not hasattr(psd, "theta_s_") or psd.theta_s_ is None:
-            raise ValueError("OrderPSD was fitted on plain rows; a stream needs recordings.")
         refused = {
             "antialias=False of OrderResampler": not resampler.antialias,
             "direction='travel' of OrderResampler": resampler.direction == "travel",
