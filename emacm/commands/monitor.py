@@ -354,8 +354,8 @@ class _Stream:
         if file is None or not file.exists():
             return {}
         state = unpacked(file.read_bytes())
-        if "before" not in state:
-            raise ValueError("it is no state of this command.")
+        if not isinstance(state.get("before"), str):
+            raise ValueError("it is no state of this command, or of another version of emacm.")
         for name in ("last", "before", "head"):
             state[name] = state[name].encode("latin-1")
         return state
