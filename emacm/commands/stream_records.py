@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import sys
 import time
@@ -16,7 +17,7 @@ import pandas as pd
 from emacm.history.alarm_states import AlarmStates, reasons_of
 from emacm.history.false_alarms import AlarmSetting, alarm_setting
 from emacm.history.records import identity, record_of
-from emacm.history.sinks import JsonLines, sinks_of
+from emacm.history.sinks import sinks_of
 from emacm.history.sqlite_history import History
 from emacm.models.model_files import model_description
 from emacm.recordings.digests import model_digest
@@ -57,7 +58,7 @@ class StreamRecords:
         self._setting = self._alarm_setting(model)
         self._alarms = AlarmStates(unit, self._setting.rule)
         self._turns_since: float | None = None  # time of the stream [s]
-        self._sinks = [JsonLines(), *sinks_of(options.sink)]
+        self._sinks = sinks_of(options.sink)
         self._page_written = -math.inf  # time of the computer [s]
         self._history = next((sink for sink in self._sinks if isinstance(sink, History)), None)
         if options.page and self._history is None:
@@ -136,6 +137,7 @@ class StreamRecords:
     def write(self, records: Sequence[Record]) -> None:
         """Write records to the standard output and to all sinks."""
         for record in records:
+            print(json.dumps(record), flush=True)
             for sink in self._sinks:
                 sink.write(record)
         self._write_page()
@@ -154,7 +156,7 @@ class StreamRecords:
     def close(self) -> None:
         """Write the page of the fleet, and close the sinks."""
         self._write_page(every=0.0)
-        for sink in reversed(self._sinks):  # others need the history to the end
+        for sink in reversed(self._sinks):  # the history last
             sink.close()
 
     def state(self, pending: Sequence[Record] = ()) -> dict[str, Any]:

@@ -105,17 +105,6 @@ def sink_of(text: str, history: History | None = None) -> Sink:
     raise ValueError(f"a sink must be one of {_FORMS}; got {text!r}.")
 
 
-class JsonLines:
-    """Records as lines of JSON on the standard output."""
-
-    def write(self, record: Mapping[str, Any]) -> None:
-        """Print a record."""
-        print(json.dumps(record), flush=True)
-
-    def close(self) -> None:
-        """Do nothing."""
-
-
 class InfluxLines:
     """Records in the line protocol of InfluxDB [1]_, which Telegraf reads too.
 
