@@ -353,12 +353,7 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         return table
 
     def decide(
-        self,
-        X: Any,
-        costs: MaintenanceCosts,
-        groups: ArrayLike | None = None,
-        *,
-        n_draws: int = 200,
+        self, X: Any, costs: MaintenanceCosts, groups: ArrayLike | None = None
     ) -> pd.DataFrame:
         """Return the decision of least expected cost for each reading.
 
@@ -368,8 +363,6 @@ class RemainingLife(RegressorMixin, SavedEstimator):
             As for `predict`.
         costs : MaintenanceCosts
             What late and early decisions cost.
-        n_draws : int
-            Number of equally probable lives over which costs are averaged.
 
         Returns
         -------
@@ -383,7 +376,7 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         """
         if not isinstance(costs, MaintenanceCosts):
             raise TypeError(f"costs must be MaintenanceCosts, got {type(costs).__name__}.")
-        levels = (np.arange(n_draws) + 0.5) / n_draws
+        levels = (np.arange(200) + 0.5) / 200  # equally probable lives, to average costs over
         table = expected_costs(self._predicted(X, groups, levels), costs)
         return table.set_axis(X.index) if isinstance(X, pd.DataFrame) else table
 
