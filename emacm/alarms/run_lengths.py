@@ -128,7 +128,6 @@ def stated_run_length(
     advance: Callable[[Array, Array], Array],
     limit: float,
     nominal: float,
-    settings: Bootstrap = Bootstrap(),
 ) -> RunLength:
     """Simulate baselines of this size and correlation, and count false alarms after each [1]_.
 
@@ -144,8 +143,6 @@ def stated_run_length(
         Limit of the absolute value of the statistic.
     nominal : float
         Average run length with a known baseline.
-    settings : Bootstrap
-        Sizes and limits of the simulation.
 
     Returns
     -------
@@ -170,6 +167,7 @@ def stated_run_length(
       (EWMA, 200 readings, correlations of 0, 0.2 and 0.5), as the logarithm of the run length is
       about nine times as sensitive as the standard deviation is.
     """
+    settings = Bootstrap()
     n_readings, n_groups = len(baseline), int(groups.max()) + 1
     process = _Process(baseline, groups, settings)
     correlation = float(process.correlations.max())
