@@ -225,7 +225,7 @@ def month(
     n_records = sum(map(len, by_machine))
     history, begun = History(path), time.process_time()
     for hour in range(n_hours):
-        history.write_all(records[hour] for records in by_machine if hour < len(records))
+        history.write(*(records[hour] for records in by_machine if hour < len(records)))
     written = time.process_time() - begun
     begun = time.process_time()
     history.last_records(), history.alarms(open_only=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
 from itertools import accumulate
 from typing import Any, NamedTuple, Self
 
@@ -21,7 +20,6 @@ from emacm.alarms.run_lengths import (
     stated_run_length,
 )
 from emacm.alarms.stationarity import BaselineTests, trend_probability
-from emacm.recordings.digests import content_digest
 
 Array = NDArray[np.float64]
 
@@ -48,7 +46,6 @@ class _Chart(SavedEstimator):
     mean_: Array
     scale_: Array
     statistic_: Array
-    n_updates_: int
 
     @property
     def arl(self) -> Any:
@@ -159,7 +156,6 @@ class _Chart(SavedEstimator):
         standardised = (X - self.mean_) / self.scale_
         statistics = np.array([*accumulate(standardised, self._next, initial=self.statistic_)][1:])
         self.statistic_ = statistics[-1].copy()
-        self.n_updates_ += len(X)
         return AlarmReadings(statistics, np.abs(statistics) > self.limit_)
 
     def reset(self) -> Self:
@@ -171,61 +167,7 @@ class _Chart(SavedEstimator):
             Itself.
         """
         self.statistic_ = np.zeros(len(self.mean_))
-        self.n_updates_ = 0
         return self
-
-    def state(self) -> dict[str, Any]:
-        """Return what `restore` needs to continue: chart, statistic and number of readings.
-
-        Returns
-        -------
-        dict
-            Numbers and lists, which JSON can hold.
-        """
-        check_is_fitted(self)
-        return {
-            "chart": self._identity(),
-            "statistic": self.statistic_.tolist(),
-            "n_updates": self.n_updates_,
-        }
-
-    def restore(self, state: Mapping[str, Any]) -> Self:
-        """Continue from a state.
-
-        Parameters
-        ----------
-        state : mapping
-            Result of `state`, of this chart or of an equal one.
-
-        Returns
-        -------
-        Self
-            Itself.
-
-        Raises
-        ------
-        ValueError
-            If it is no such state, or that of a chart with another limit or baseline.
-        """
-        check_is_fitted(self)
-        own = self._identity()
-        try:
-            chart, found = str(state["chart"]), np.asarray(state["statistic"], dtype=np.float64)
-            n_updates = int(state["n_updates"])
-            if chart != own or found.shape != self.mean_.shape:
-                raise ValueError(f"it is of {chart}, with {found.size} statistics; this is {own}")
-        except (KeyError, TypeError, ValueError) as error:
-            raise ValueError(
-                f"the state is damaged or that of another chart: {error}. Restore the state of a "
-                f"chart with the same limit and baseline, or begin without a state."
-            ) from error
-        self.statistic_, self.n_updates_ = found, n_updates
-        return self
-
-    def _identity(self) -> str:
-        """Return what must agree for a state to be continued."""
-        baseline = content_digest("baseline", [self.mean_, self.scale_])[:12]
-        return f"{self!r} with limit {self.limit_:.12g} and baseline {baseline}"
 
     def _table(self, X: Any, **options: Any) -> Array:
         check_table(X)
@@ -284,8 +226,6 @@ class EWMA(_Chart):
         Readings per false alarm, nominal and for the baseline actually used, with an interval.
     statistic_ : ndarray of shape (n_columns,)
         The present statistic.
-    n_updates_ : int
-        Readings since the last `reset`.
 
     See Also
     --------
@@ -349,8 +289,6 @@ class CUSUM(_Chart):
         Readings per false alarm, nominal and for the baseline actually used, with an interval.
     statistic_ : ndarray of shape (n_columns,)
         The present sum.
-    n_updates_ : int
-        Readings since the last `reset`.
 
     See Also
     --------

@@ -15,7 +15,7 @@ from sklearn.covariance import LedoitWolf
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_choice, check_count, check_number, check_table, located
+from emacm._checks import check_choice, check_number, check_table, located
 from emacm._saved import SavedEstimator
 from emacm.alarms.stationarity import instability
 from emacm.calibration.left_out import grouped_quantile, groups_needed, left_out
@@ -41,8 +41,10 @@ def health_trend(model: Any, recordings: Any, *, unit: Any = None, time: Any) ->
     Returns
     -------
     DataFrame
-        As of `HealthIndex.trend`, with the columns "recording" (path, or number in `recordings`)
-        and "error" (empty if there is none); rows with an error have no index and no alarm.
+        Sorted by unit and time: "unit", "time", "index", "limit", "alarm" (whether it exceeds the
+        limit), "false_alarm" (the rate of the limit), "baseline" ("unit" or "population"),
+        "recording" (path, or number in `recordings`) and "error" (empty if there is none); rows
+        with an error have no index and no alarm.
 
     Raises
     ------
@@ -80,6 +82,7 @@ def health_trend(model: Any, recordings: Any, *, unit: Any = None, time: Any) ->
     if unit is not None:
         units = read_meta(entries, unit, role="unit", arrays=True)
     times = read_meta(entries, time, role="time", arrays=True)
+    read_grouping(times, units, "times", "time")  # refuses times without an order
     values, errors = np.full(len(entries), np.nan), [""] * len(entries)
     for k, entry in enumerate(entries):
         try:
@@ -88,8 +91,15 @@ def health_trend(model: Any, recordings: Any, *, unit: Any = None, time: Any) ->
                 values[k] = index.transform(model[:-1].transform([entry]), units[k : k + 1])[0, 0]
         except Exception as error:  # whatever it is, it is the result for this recording
             errors[k] = " ".join(str(error).split()) or type(error).__name__
-    names = paths_or_numbers(entries)
-    return index._trend(values, times, units, recording=names, error=errors)
+    table = pd.DataFrame({"unit": units, "time": times, "index": values})
+    known = {unit for unit, value in zip(units, values, strict=True) if np.isfinite(value)}
+    limits = {unit: index.limit(unit) for unit in known}
+    table["limit"] = [limits.get(unit, np.nan) for unit in units]
+    table["alarm"] = table["index"] > table["limit"]
+    table["false_alarm"] = index.false_alarm
+    table["baseline"] = [_UNIT if unit in index.units_ else _POPULATION for unit in units]
+    table["recording"], table["error"] = paths_or_numbers(entries), errors
+    return table.sort_values(["unit", "time"], kind="stable", ignore_index=True)
 
 
 Array = NDArray[np.float64]
@@ -102,15 +112,13 @@ class HealthIndex(TransformerMixin, SavedEstimator):
 
     It is fitted on healthy recordings only and needs no faults. The distance is that of
     Mahalanobis, divided by the square root of the number of features: healthy recordings are about
-    1 away. A unit with enough healthy recordings in `fit` is compared with its own mean; any other
-    with the mean of all units, whose differences then count as usual.
+    1 away. A unit with five healthy recordings or more in `fit` is compared with its own mean; any
+    other with the mean of all units, whose differences then count as usual.
 
     Parameters
     ----------
-    false_alarm : float or None, default=0.05
-        Probability that a healthy recording exceeds the limit. None: there is no limit.
-    min_baseline : int, default=5
-        Number of healthy recordings from which a unit has a baseline of its own.
+    false_alarm : float, default=0.05
+        Probability that a healthy recording exceeds the limit.
     few_groups : {"refuse", "log-normal"}
         With fewer groups than `false_alarm` needs: the limit is refused; or the logarithm of the
         largest index of a group is taken to be normal, and the limit is its prediction limit.
@@ -184,13 +192,11 @@ class HealthIndex(TransformerMixin, SavedEstimator):
 
     def __init__(
         self,
-        false_alarm: float | None = 0.05,
+        false_alarm: float = 0.05,
         *,
-        min_baseline: int = 5,
         few_groups: str = "refuse",
     ) -> None:
         self.false_alarm = false_alarm
-        self.min_baseline = min_baseline
         self.few_groups = few_groups
 
     def fit(
@@ -225,9 +231,7 @@ class HealthIndex(TransformerMixin, SavedEstimator):
             Without `groups`; if the groups, in their order, are not exchangeable: a drift or
             a correlation of successive ones.
         """
-        if self.false_alarm is not None:
-            check_number(self.false_alarm, "false_alarm", above=0, below=1)
-        check_count(self.min_baseline, "min_baseline", at_least=2)
+        check_number(self.false_alarm, "false_alarm", above=0, below=1)
         check_choice(self.few_groups, "few_groups", ("refuse", "log-normal"))
         check_table(X)
         X = validate_data(self, X, dtype=np.float64, ensure_min_samples=2)
@@ -240,16 +244,18 @@ class HealthIndex(TransformerMixin, SavedEstimator):
             )
         own = None if units is None else _labels(X, units, "units")
         blocks = _labels(X, range(len(X)) if groups is None else groups, "groups")
-        self._baselines = known = _Baselines.of(X, own, self.min_baseline)
+        self._baselines = known = _Baselines.of(X, own)
         if not known.total.any() or (known.means and not known.within.any()):
-            where = "" if not known.total.any() else " within units: are recordings copies?"
-            raise ValueError(f"X has no variation in any of {X.shape[1]} features{where or '.'}")
+            raise ValueError(
+                f"X has no variation in any of {X.shape[1]} features, or none within units: are "
+                f"recordings copies?"
+            )
         self.units_ = tuple(known.means)
         population = blocks if own is None else own
-        found = [_left_out_indices(X, own, population, _POPULATION, self.min_baseline)]
+        found = [_left_out_indices(X, own, population, _POPULATION)]
         if own is not None:
             pairs = pd.Series(list(zip(own, blocks, strict=True)))
-            found.append(_left_out_indices(X, own, pairs, _UNIT, self.min_baseline))
+            found.append(_left_out_indices(X, own, pairs, _UNIT))
         self.left_out_ = pd.concat(found, ignore_index=True)
         self._fitted_rows = _row_digests(X)
         self._warn_of_drift(X, own, blocks)
@@ -280,7 +286,10 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         UserWarning
             If several rows of `fit` are among X: they are closer to their mean than new ones are.
         """
-        X, own = self._checked(X, units)
+        check_is_fitted(self)
+        check_table(X)
+        X = validate_data(self, X, dtype=np.float64, reset=False)
+        own = None if units is None else _labels(X, units, "units")
         known = int(np.isin(_row_digests(X), self._fitted_rows).sum())
         if known > 1:  # a single row is no baseline
             warnings.warn(
@@ -291,10 +300,6 @@ class HealthIndex(TransformerMixin, SavedEstimator):
                 stacklevel=3,
             )
         return self._baselines.distances(X, own)[:, np.newaxis]
-
-    def score_samples(self, X: Any, units: ArrayLike | None = None) -> Array:
-        """Return the negative index, shape (n_recordings,): larger is more normal."""
-        return -self.transform(X, units)[:, 0]
 
     def limit(self, unit: Any = None) -> float:
         """Return the limit of the index of a unit, at `false_alarm`.
@@ -307,84 +312,26 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         Returns
         -------
         float
-            NaN if `false_alarm` is None.
+            The limit.
 
         Raises
         ------
         ValueError
-            If there are too few groups for `false_alarm` (see `few_groups`), or no group can be
-            left out.
+            If there are too few groups for `false_alarm` (see `few_groups`).
         """
         check_is_fitted(self)
-        if self.false_alarm is None:
-            return float("nan")
         kind = _UNIT if unit is not None and unit in self.units_ else _POPULATION
         left = self.left_out_[self.left_out_["baseline"] == kind]
-        name = "units or groups"
-        if kind == _UNIT:
-            name = f"groups of units with {self.min_baseline} further recordings"
         groups, values = pd.factorize(left["group"])[0], left["index"].to_numpy()
         n_groups = len(set(groups))
-        if not n_groups:
-            raise ValueError(
-                f"there is no limit, as no healthy group can be left out: there are no {name}. "
-                f"Take groups that are smaller, such as runs, or more healthy recordings."
-            )
         if self.few_groups == "log-normal" and 1 < n_groups < groups_needed(1 - self.false_alarm):
             largest = np.log(pd.Series(values).groupby(groups).max())
             quantile = student.ppf(1 - self.false_alarm, n_groups - 1)
             deviation = largest.std() * np.sqrt(1 + 1 / n_groups)
             return float(np.exp(largest.mean() + quantile * deviation))
-        least = np.ceil(1000 / (n_groups + 1)) / 1000  # rounded up: the stated rate is accepted
-        with located(
-            f"limit for a false alarm rate of {self.false_alarm:g} (1 - coverage; possible from "
-            f"{least:g} on)"
-        ):
-            return grouped_quantile(values, groups, 1 - self.false_alarm, name=name, beyond=1)
-
-    def trend(self, X: Any, times: ArrayLike, units: ArrayLike | None = None) -> pd.DataFrame:
-        """Return the index of each unit over time or cycles, with its limit.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_recordings, n_features)
-            Features.
-        times : array-like of shape (n_recordings,)
-            Time of each recording: dates, or numbers such as hours or cycles.
-        units : array-like of shape (n_recordings,), optional
-            Unit of each recording. Default: all are of one unit, compared with the population.
-
-        Returns
-        -------
-        DataFrame
-            Sorted by unit and time: "unit", "time", "index", "limit", "alarm" (whether it exceeds
-            the limit), "false_alarm" (the rate of the limit) and "baseline" ("unit" or
-            "population").
-
-        Raises
-        ------
-        ValueError
-            If X, times or units are invalid, or there are too few groups for the limit.
-        """
-        X, own = self._checked(X, units)
-        when = read_meta(X, times, role="times", arrays=True)
-        labels = ["all"] * len(X) if own is None else own.tolist()
-        return self._trend(self._baselines.distances(X, own), when, labels)
-
-    def _trend(
-        self, index: Array, times: list[Any], labels: list[Any], **columns: list[Any]
-    ) -> pd.DataFrame:
-        """Return the trend with further columns; an index that is not known is NaN."""
-        read_grouping(times, labels, "times", "time")  # refuses times without an order
-        known = {unit for unit, value in zip(labels, index, strict=True) if np.isfinite(value)}
-        limits = {unit: self.limit(unit) for unit in known}
-        table = pd.DataFrame({"unit": labels, "time": times, "index": index})
-        table["limit"] = [limits.get(unit, np.nan) for unit in labels]
-        table["alarm"] = table["index"] > table["limit"]
-        table["false_alarm"] = np.nan if self.false_alarm is None else self.false_alarm
-        table["baseline"] = [_UNIT if unit in self.units_ else _POPULATION for unit in labels]
-        table = table.assign(**columns)
-        return table.sort_values(["unit", "time"], kind="stable", ignore_index=True)
+        share = 1 - self.false_alarm
+        with located(f"limit for a false alarm rate of {self.false_alarm:g}, 1 - coverage"):
+            return grouped_quantile(values, groups, share, name="units or groups", beyond=1)
 
     def _warn_of_drift(self, X: Array, own: pd.Series | None, blocks: pd.Series) -> None:
         """Warn if the groups, in their order, are not exchangeable, as the limits assume."""
@@ -407,12 +354,6 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         """Return the name of the index, "health_index"."""
         check_is_fitted(self)
         return np.array(["health_index"], dtype=object)
-
-    def _checked(self, X: Any, units: Any) -> tuple[Array, pd.Series | None]:
-        check_is_fitted(self)
-        check_table(X)
-        X = validate_data(self, X, dtype=np.float64, reset=False)
-        return X, None if units is None else _labels(X, units, "units")
 
 
 def _labels(X: Array, labels: Any, role: str) -> pd.Series:
@@ -448,7 +389,7 @@ class _Baselines:
     total: Array
 
     @classmethod
-    def of(cls, X: Array, units: pd.Series | None, min_baseline: int) -> _Baselines:
+    def of(cls, X: Array, units: pd.Series | None, *, min_baseline: int = 5) -> _Baselines:
         """Estimate the baselines of healthy recordings."""
         codes, names = pd.factorize(np.arange(len(X)) if units is None else units)
         counts = np.bincount(codes)
@@ -500,7 +441,7 @@ def _factor(residuals: Array, X: Array, divisor: int) -> Array:
 
 
 def _left_out_indices(
-    X: Array, units: pd.Series | None, labels: pd.Series, kind: str, min_baseline: int
+    X: Array, units: pd.Series | None, labels: pd.Series, kind: str
 ) -> pd.DataFrame:
     """Return the index of each recording by baselines without all recordings of its label."""
     values = np.full(len(X), np.nan)
@@ -508,7 +449,7 @@ def _left_out_indices(
         if len(others) < 2:
             continue
         rest = None if units is None else units.iloc[others]
-        baselines = _Baselines.of(X[others], rest, min_baseline)
+        baselines = _Baselines.of(X[others], rest)
         own = units.iloc[rows] if units is not None and kind == _UNIT else None
         if own is None or own.iloc[0] in baselines.means:  # else too few are left for a baseline
             values[rows] = baselines.distances(X[rows], own)

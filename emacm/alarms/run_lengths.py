@@ -15,8 +15,9 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import chain, islice
 from typing import NamedTuple
 
 import numpy as np
@@ -127,7 +128,6 @@ def stated_run_length(
     advance: Callable[[Array, Array], Array],
     limit: float,
     nominal: float,
-    settings: Bootstrap = Bootstrap(),
 ) -> RunLength:
     """Simulate baselines of this size and correlation, and count false alarms after each [1]_.
 
@@ -143,8 +143,6 @@ def stated_run_length(
         Limit of the absolute value of the statistic.
     nominal : float
         Average run length with a known baseline.
-    settings : Bootstrap
-        Sizes and limits of the simulation.
 
     Returns
     -------
@@ -169,6 +167,7 @@ def stated_run_length(
       (EWMA, 200 readings, correlations of 0, 0.2 and 0.5), as the logarithm of the run length is
       about nine times as sensitive as the standard deviation is.
     """
+    settings = Bootstrap()
     n_readings, n_groups = len(baseline), int(groups.max()) + 1
     process = _Process(baseline, groups, settings)
     correlation = float(process.correlations.max())
@@ -199,12 +198,7 @@ class _Process:
     lengths are very sensitive; with blocks of residuals it is kept.
     """
 
-    def __init__(
-        self,
-        baseline: Array,
-        groups: NDArray[np.intp],
-        settings: Bootstrap = Bootstrap(),
-    ) -> None:
+    def __init__(self, baseline: Array, groups: NDArray[np.intp], settings: Bootstrap) -> None:
         self._settings = settings
         self._lengths = np.bincount(groups)
         n_groups = len(self._lengths)
@@ -230,57 +224,51 @@ class _Process:
 
         Each machine has its own correlation, from what the baseline tells of it, and at least 0.
         """
-        self._rng, self._left = np.random.default_rng(0), 0
+        self._rng = np.random.default_rng(0)
         shape = (self._settings.n_baselines, len(self.correlations))
         uncertainty = 1 / np.sqrt(self._lengths.sum() * (1 - self.correlations**2))
         errors = uncertainty * self._rng.normal(self._settings.caution, 1.0, shape)
-        self.simulated = np.maximum(np.tanh(np.arctanh(self.correlations) + errors), 0.0)
+        self._simulated = np.maximum(np.tanh(np.arctanh(self.correlations) + errors), 0.0)
         n_blocks = len(self._residuals) - self._block + 1
-        self._starts = self._rng.integers(n_blocks, size=(shape[0], n_blocks))
-        mean, scale = self.estimated_baselines()
-        self.start_group()
+        self._rows = self._drawn_rows(self._rng.integers(n_blocks, size=(shape[0], n_blocks)))
+        mean, scale = self._estimated_baselines()
         statistic, n_alarms = np.zeros_like(mean), np.zeros(len(mean))
-        for _ in range(n_steps):
-            statistic = advance(statistic, (self.next_readings() - mean) / scale)
+        for readings in islice(self._group(), n_steps):
+            statistic = advance(statistic, (readings - mean) / scale)
             alarmed = (np.abs(statistic) > limit).any(axis=1)
             n_alarms += alarmed
             statistic[alarmed] = 0
         return n_alarms
 
-    def estimated_baselines(self) -> tuple[Array, Array]:
+    def _estimated_baselines(self) -> tuple[Array, Array]:
         """Return mean and standard deviation of baselines, each (n_baselines, n_columns)."""
-        shape = (self._settings.n_baselines, self._offsets.shape[1])
-        total, squares = np.zeros((2, *shape))
-        for length in self._lengths:
-            self.start_group()
-            for _ in range(length):
-                reading = self.next_readings()
-                total += reading
-                squares += reading**2
+        total, squares = np.zeros((2, *self._simulated.shape))
+        for readings in chain.from_iterable(islice(self._group(), n) for n in self._lengths):
+            total += readings
+            squares += readings**2
         n_readings = self._lengths.sum()
         mean = total / n_readings
         variance = (squares - n_readings * mean**2) / (n_readings - 1)
         # A baseline without variation gives no alarms, as in the chart.
         return mean, np.sqrt(np.where(variance > 0, variance, np.inf))
 
-    def start_group(self) -> None:
-        """Draw the offset of a new group, and let the autoregression settle."""
+    def _group(self) -> Iterator[Array]:
+        """Yield the readings of each machine in a new group, whose autoregression has settled."""
         chosen = self._rng.integers(len(self._offsets), size=self._settings.n_baselines)
-        self._offset = self._offsets[chosen]
-        self._deviation = np.zeros_like(self._offset)
-        for _ in range(self._settings.settling):
-            self.next_readings()
+        offset = self._offsets[chosen]
+        deviation = np.zeros_like(offset)
+        for step, rows in enumerate(self._rows):
+            deviation = self._simulated * deviation + self._residuals[rows]
+            if step >= self._settings.settling:
+                yield offset + deviation
 
-    def next_readings(self) -> Array:
-        """Return the next reading of each simulated machine."""
-        if not self._left:
-            n_machines, n_blocks = self._starts.shape
+    def _drawn_rows(self, starts: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
+        """Yield the next residual of each machine, in blocks of successive ones of its resample."""
+        n_machines, n_blocks = starts.shape
+        while True:
             chosen = self._rng.integers(n_blocks, size=n_machines)
-            self._row = self._starts[np.arange(n_machines), chosen]
-            self._left = self._block
-        self._deviation = self.simulated * self._deviation + self._residuals[self._row]
-        self._row, self._left = self._row + 1, self._left - 1
-        return self._offset + self._deviation
+            first = starts[np.arange(n_machines), chosen]
+            yield from (first + k for k in range(self._block))
 
 
 _LONGEST = 1e12  # readings; above, the equations are singular in double precision

@@ -19,8 +19,8 @@ from emacm._checks import check_choice, check_number, check_real_array, check_si
 from emacm.recordings.recording import Recording
 from emacm.stroke_features.statistics import RecordingStatistics
 
-GRAVITY = 9.80665  # m/s2, standard acceleration of gravity
-_TO_MM_PER_S2 = {"m/s2": 1e3, "m/s²": 1e3, "m/s^2": 1e3, "mm/s2": 1.0, "g": 1e3 * GRAVITY}
+# Standard acceleration of gravity: 9.80665 m/s2.
+_TO_MM_PER_S2 = {"m/s2": 1e3, "m/s²": 1e3, "m/s^2": 1e3, "mm/s2": 1.0, "g": 9806.65}
 
 _LARGE = ("ISO 20816-3", "above 300 kW, or shaft height from 315 mm")
 _MEDIUM = ("ISO 20816-3", "15 to 300 kW, or shaft height 160 to 315 mm")
@@ -114,7 +114,6 @@ def vibration_velocity(
     *,
     unit: str = "m/s2",
     band: tuple[float, float] = (10.0, 1000.0),
-    segment: float = 4.0,
 ) -> float:
     """Return the broad-band velocity of an acceleration, integrated over frequency.
 
@@ -131,8 +130,6 @@ def vibration_velocity(
         Unit of the acceleration.
     band : (float, float)
         Lowest and highest frequency [Hz].
-    segment : float, default=4.0
-        Length of the segments of Welch's method [s]; lines are 1 / segment [Hz] apart.
 
     Returns
     -------
@@ -168,7 +165,7 @@ def vibration_velocity(
             f"acceleration must last at least {10 / low:g} s, ten periods of {low:g} Hz, got "
             f"{len(signal) / fs:g} s. Record longer."
         )
-    n_segment = min(len(signal), round(segment * fs))
+    n_segment = min(len(signal), round(4 * fs))  # so that lines are 1/4 Hz apart
     frequencies, density = welch(signal, fs, nperseg=n_segment, detrend="constant")
     inside = (frequencies >= low) & (frequencies <= high)
     power = np.sum(density[inside] / (2 * np.pi * frequencies[inside]) ** 2) * frequencies[1]
@@ -220,12 +217,7 @@ def vibration_severity(recording: Recording, machine_class: str) -> pd.DataFrame
             f"({', '.join(_TO_MM_PER_S2)}); the units are {dict(recording.units)}. Give "
             f"units={{...}} to the recording."
         )
-    velocities: dict[str, float] = {}
-    for name in channels:
-        signal, fs, unit = recording.signals[name], recording.fs[name], recording.units[name]
-        with located(f"channel {name!r}"):
-            velocities[name] = vibration_velocity(signal, fs, unit=unit)
-    table = pd.DataFrame({"velocity": velocities})
+    table = pd.DataFrame({"velocity": {name: _velocity_of(recording, name) for name in channels}})
     table["zone"] = severity_zone(table["velocity"].to_numpy(), machine_class)
     table["meaning"] = table["zone"].map(ZONES)
     table["source"] = _CLASSES[machine_class][3]
@@ -284,12 +276,16 @@ def vibration_indicators(
             with suppress(ValueError):
                 value = RecordingStatistics((name,), **options).fit_transform([recording])
                 found[f"{channel}:{name}"] = float(np.asarray(value)[0, 0])
-        unit = recording.units.get(channel)
-        if unit in _TO_MM_PER_S2:
-            with suppress(ValueError):
-                signal, fs = recording.signals[channel], recording.fs[channel]
-                velocity = vibration_velocity(signal, fs, unit=unit)
-                found[f"{channel}:velocity [mm/s]"] = velocity
-                if machine_class is not None:
-                    found[f"{channel}:zone"] = severity_zone(velocity, machine_class)
+        with suppress(ValueError):  # no acceleration, shorter than 1 s, or sampled below 2000 Hz
+            velocity = _velocity_of(recording, channel)
+            found[f"{channel}:velocity [mm/s]"] = velocity
+            if machine_class is not None:
+                found[f"{channel}:zone"] = severity_zone(velocity, machine_class)
     return found
+
+
+def _velocity_of(recording: Recording, channel: str) -> float:
+    """Return the velocity of a channel of acceleration [mm/s rms]."""
+    signal, fs = recording.signals[channel], recording.fs[channel]
+    with located(f"channel {channel!r}"):
+        return vibration_velocity(signal, fs, unit=recording.units.get(channel, ""))

@@ -172,9 +172,7 @@ def _centred(rows: Array, parts: NDArray[np.intp]) -> Array:
     return (table - table.groupby(parts).transform("mean")).to_numpy()
 
 
-def instability(
-    features: Array, parts: NDArray[np.intp], tests: BaselineTests = BaselineTests()
-) -> str:
+def instability(features: Array, parts: NDArray[np.intp]) -> str:
     """Say why healthy rows are not exchangeable; an empty string if nothing contradicts it.
 
     Parameters
@@ -183,13 +181,12 @@ def instability(
         In the order in which they were taken within each part.
     parts : ndarray of int, shape (n_readings,)
         Number of the part (unit) of each reading, in increasing order.
-    tests : BaselineTests
-        Level and size of the tests.
 
     Returns
     -------
     str
     """
+    tests = BaselineTests()
     if len(parts) < tests.fewest:
         return ""
     deviations = _centred(features, parts)

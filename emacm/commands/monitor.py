@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
+import re
 import sys
 import time
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack, closing
+from contextlib import closing, nullcontext
 from dataclasses import replace
-from io import FileIO, StringIO
+from functools import partial
+from io import StringIO
 from itertools import chain, islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from emacm._checks import located
 from emacm._saved import locked, written_whole
-from emacm.commands.evidence import Evidence
 from emacm.commands.stream_records import Record, StreamRecords
 from emacm.files.csv_files import text_table
 from emacm.files.file_columns import FileColumns, recording_arguments, start_of, time_of_sample
+from emacm.files.folder import open_recording
 from emacm.files.layout import Layout
+from emacm.history.records import record_of
 from emacm.models.model_files import load_model
+from emacm.models.scoring import scored_rows
 from emacm.streams.order_monitor import OrderMonitor
 from emacm.streams.packed_state import packed, unpacked
 from emacm.streams.streamed_models import Reading
@@ -46,85 +53,135 @@ def run(options: argparse.Namespace) -> int:
         )
     if options.source == "-" and options.state is not None:
         raise ValueError("--state needs a file, as the standard input cannot be read again.")
-    with ExitStack() as stack:
-        if options.state is not None:
-            stack.enter_context(locked(options.state))
-        file = None
-        if options.source != "-":
-            file = stack.enter_context(closing(_GrowingFile(options.source, options.idle)))
-        stream = stack.enter_context(closing(_Stream(model, layout, options, file)))
+    file = None if options.source == "-" else _GrowingFile(options.source, options.idle)
+    with (
+        nullcontext() if options.state is None else locked(options.state),
+        closing(_Stream(model, layout, options, file)) as stream,
+    ):
         return stream.follow()
 
 
 class _GrowingFile:
     """A file that grows, and that may be emptied, or replaced by another one of its name.
 
-    That the bytes before the place of reading are still the same is checked whenever something is
-    read.
+    It is opened whenever something is read. That the bytes before the place of reading are still
+    the same is checked then.
     """
 
     def __init__(self, path: str, idle: float, *, poll: float = 0.1) -> None:
         self._path, self._idle, self._poll = path, idle, min(poll, idle)
-        self._open()
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+        self._place, self._before, self._ended = 0, b"", False
+        open(path, "rb").close()  # so that a missing file is an error
 
     def go_to(self, place: int, before: bytes) -> bool:
         """Go on at a place, and tell whether these bytes are before it."""
         self._place, self._before = place, before
-        self._file.seek(place - len(before))
-        return self._file.read(len(before)) == before
+        return self._read(0) is not None
 
     def contents(self) -> Iterator[Iterator[bytes]]:
         """Yield the lines of the content, and then those of each content that replaces it."""
-        self._ended = False
         while not self._ended:
             yield self._lines()
+            self._place, self._before = 0, b""
 
     def _lines(self) -> Iterator[bytes]:
         """Yield complete lines, until there is another content or none for `idle` seconds."""
         part, since = b"", time.monotonic()
-        while True:
-            is_old = self._is_old()  # asked first, so that nothing is left in the old file
-            new = self._read()
+        while (new := self._read()) is not None:
             if new:
                 since = time.monotonic()
                 *lines, part = (part + new).split(b"\n")
                 yield from (line + b"\n" for line in lines)
-            elif new is None or is_old:
-                self.close()
-                self._open()
-                return
             elif time.monotonic() - since >= self._idle:
                 self._ended = True
                 return
             else:
                 time.sleep(self._poll)
 
-    def _open(self) -> None:
-        self._file = FileIO(self._path)
-        self._place, self._before = 0, b""
-
-    def _is_old(self) -> bool:
-        """Tell whether the name is that of another file, in which something is written."""
-        try:
-            named = os.stat(self._path)
-        except FileNotFoundError:  # renamed, and not created again yet
-            return False
-        return named.st_size > 0 and not os.path.samestat(named, os.fstat(self._file.fileno()))
-
     def _read(self, n_bytes: int = 1 << 16, n_compared: int = 4096) -> bytes | None:
         """Return the next bytes, b"" if there are none yet; None if the content is another one."""
         n_before = len(self._before)
-        self._file.seek(self._place - n_before)
-        content = self._file.read(n_before + n_bytes)
+        try:
+            with open(self._path, "rb") as file:
+                file.seek(self._place - n_before)
+                content = file.read(n_before + n_bytes)
+        except FileNotFoundError:  # renamed, and not created again yet
+            return b""
         if not content.startswith(self._before):
             return None
         self._place += len(content) - n_before
         self._before = content[-n_compared:]
         return content[n_before:]
+
+
+class _Evidence:
+    """The rows of the last readings of a stream, which are stored when an alarm is raised.
+
+    For each reading, a CSV file has the rows as they were measured, below the header, and a JSON
+    file of the same name the record, as ``emacm score`` makes it of this CSV file: another run with
+    the same model and layout finds the same values. After a restart, only readings that began after
+    it are stored.
+
+    Parameters
+    ----------
+    folder : Path
+        For the files.
+    n_readings : int
+        How many are stored for each alarm; the one that raised it is the last one.
+    fs : float
+        Rows per second [Hz].
+    model : estimator
+        The model.
+    layout : Layout
+        That of the user.
+    """
+
+    def __init__(
+        self, folder: Path, n_readings: int, fs: float, model: Any, layout: Layout
+    ) -> None:
+        self._folder, self._fs, self._model, self._layout = folder, fs, model, layout
+        self._blocks: deque[tuple[float, list[bytes]]] = deque()  # time of the first row [s]
+        self._records: deque[Record] = deque(maxlen=n_readings)
+
+    def add(self, start: float, rows: list[bytes]) -> None:
+        """Add rows, the first of which was measured at a time of the stream [s]."""
+        self._blocks.append((start, rows))
+
+    def store(self, records: Sequence[Record], header: list[bytes]) -> None:
+        """Store the last readings of each of these records that raises an alarm."""
+        for record in records:
+            if record["complete"]:
+                self._records.append(record)
+            for change in record["alarms"]:
+                if change["state"] == "raised":
+                    time = re.sub(r"[-:]|\.\d+", "", change["time"])
+                    for number, reading in enumerate(self._records, 1):
+                        self._store(reading, f"{time}_{change['id']}_{number}", header)
+        if len(self._records) == self._records.maxlen:
+            while self._blocks[0][0] + len(self._blocks[0][1]) / self._fs < self._first_needed():
+                self._blocks.popleft()
+
+    def _first_needed(self) -> float:
+        return float(self._records[min(1, len(self._records) - 1)]["stream_start"])
+
+    def _store(self, record: Record, name: str, header: list[bytes]) -> None:
+        first, after = (record[key] * self._fs - 0.5 for key in ("stream_start", "stream_end"))
+        rows = [
+            row
+            for start, block in self._blocks
+            for number, row in enumerate(block, round(start * self._fs))
+            if first <= number < after
+        ]
+        if len(rows) < after - first - 1:  # it began before a restart
+            return
+        self._folder.mkdir(parents=True, exist_ok=True)
+        path = self._folder / f"{name}.csv"
+        with written_whole(path) as unfinished:
+            unfinished.write_bytes(b"".join([*header, *rows]))
+        source = partial(open_recording, path, self._layout)
+        (found,) = scored_rows(self._model, [source], [record["recording"]])
+        with written_whole(path.with_suffix(".json")) as unfinished:
+            unfinished.write_text(json.dumps(record_of({**record, **found}), indent=1))
 
 
 class _Stream:
@@ -157,7 +214,7 @@ class _Stream:
         where = f"--state {options.state}, without which the file is read from its beginning"
         with located(where):
             state = self._saved_state()
-        self._head = state["head"].tobytes().splitlines(keepends=True) if state else self._peek()
+        self._head = state["head"].splitlines(keepends=True) if state else self._peek()
         with located(options.source if file else "the standard input"):
             self._table = text_table(_texts(self._head))
             content = self._content(self._head[self._table.start :])
@@ -176,7 +233,7 @@ class _Stream:
         self._evidence = None
         if options.keep_alarms:
             kept = options.evidence, options.keep_alarms, self._fs
-            self._evidence = Evidence(*kept, model, layout)
+            self._evidence = _Evidence(*kept, model, layout)
         if state and file:
             with located(where):
                 self._restore(state, file)
@@ -298,30 +355,37 @@ class _Stream:
         if file is None or not file.exists():
             return {}
         state = unpacked(file.read_bytes())
-        if "before" not in state:
-            raise ValueError("it is no state of this command.")
+        if not isinstance(state.get("before"), str):
+            raise ValueError("it is no state of this command, or of another version of emacm.")
+        for name in ("last", "before", "head"):
+            state[name] = state[name].encode("latin-1")
         return state
 
     def _restore(self, state: dict[str, Any], file: _GrowingFile) -> None:
         """Restore a state, and go on in the file where it was written."""
-        self._offset, self._before = state["offset"], state["before"].tobytes()
+        self._offset, self._before, self._last = state["offset"], state["before"], state["last"]
         goes_on = file.go_to(self._offset, self._before)
         if not goes_on and state["source"] != os.path.abspath(self._options.source):
             raise ValueError(f"it was written for another file, {state['source']}.")
         self._monitor.restore(state["monitor"].tobytes())
-        self._records.restore(state["records"].tobytes())
-        self._last = state["last"].tobytes()
+        self._records.restore(state["records"])
         self._resumed, self._ahead = state["resumed"], state["ahead"]
 
     def _save(self, pending: Sequence[Record] = ()) -> None:
         """Write the state, with records that are to be written next: a file that is never half."""
         if self._options.state is None:
             return
-        texts = {"last": self._last, "before": self._before, "head": b"".join(self._head)}
-        texts |= {"monitor": self._monitor.state(), "records": self._records.state(pending)}
-        state: dict[str, Any] = {k: np.frombuffer(text, np.uint8) for k, text in texts.items()}
-        state |= {"offset": self._offset, "resumed": self._resumed, "ahead": self._ahead}
-        state["source"] = os.path.abspath(self._options.source)
+        state = {
+            "monitor": np.frombuffer(self._monitor.state(), np.uint8),
+            "records": self._records.state(pending),
+            "source": os.path.abspath(self._options.source),
+            "offset": self._offset,
+            "resumed": self._resumed,
+            "ahead": self._ahead,
+            "last": self._last.decode("latin-1"),  # any bytes as a text of JSON
+            "before": self._before.decode("latin-1"),
+            "head": b"".join(self._head).decode("latin-1"),
+        }
         with written_whole(self._options.state) as unfinished:
             unfinished.write_bytes(packed(state))
 

@@ -17,7 +17,7 @@ import pandas as pd
 from emacm.history.alarm_states import AlarmStates, reasons_of
 from emacm.history.false_alarms import AlarmSetting, alarm_setting
 from emacm.history.records import identity, record_of
-from emacm.history.sinks import JsonLines, sinks_of
+from emacm.history.sinks import sinks_of
 from emacm.history.sqlite_history import History
 from emacm.models.model_files import model_description
 from emacm.recordings.digests import model_digest
@@ -58,9 +58,10 @@ class StreamRecords:
         self._setting = self._alarm_setting(model)
         self._alarms = AlarmStates(unit, self._setting.rule)
         self._turns_since: float | None = None  # time of the stream [s]
-        self._sinks = [JsonLines(), *sinks_of(options.sink)]
+        self._sinks = sinks_of(options.sink)
         self._page_written = -math.inf  # time of the computer [s]
-        if options.page and not isinstance(self._sinks[-1], History):
+        self._history = next((sink for sink in self._sinks if isinstance(sink, History)), None)
+        if options.page and self._history is None:
             raise ValueError("--page needs a history: give --sink FILE.sqlite as well.")
 
     def _alarm_setting(self, model: Any) -> AlarmSetting:
@@ -74,14 +75,8 @@ class StreamRecords:
         accepted = options.false_alarms * hours / 1000
         if options.every is None:  # a single reading, whose decision counts
             needed, accepted = needed or 1, 0.0
-        chosen = alarm_setting(
-            model,
-            self._healthy,
-            accepted,
-            needed=needed,
-            of=of,
-            quiet=options.clear_after,
-        )
+        rule = {"needed": needed, "of": of, "quiet": options.clear_after}
+        chosen = alarm_setting(model, self._healthy, accepted, **rule)
         text = _setting_text(chosen, self._healthy, hours, options.false_alarms)
         print(f"Alarms: {text}.", file=sys.stderr)
         return chosen
@@ -100,11 +95,10 @@ class StreamRecords:
         """
         record = self._record(reading, reading.start + ahead, reading.time + ahead, content)
         if reading.complete and not self._is_silent(reading):
-            charts = [text for text in reading.alarms if text.startswith(("EWMA of", "CUSUM of"))]
             known = [record["decision"]] if self._healthy is None else [str(self._healthy)]
             reasons = reasons_of(
                 record,
-                [*reading.defects, *charts],
+                reading.defects,
                 healthy=known,
                 typicality=self._setting.typicality,
                 channels=self._channels,
@@ -143,19 +137,15 @@ class StreamRecords:
     def write(self, records: Sequence[Record]) -> None:
         """Write records to the standard output and to all sinks."""
         for record in records:
+            print(json.dumps(record), flush=True)
             for sink in self._sinks:
                 sink.write(record)
         self._write_page()
 
     def _write_page(self, every: float = 10.0) -> None:
         """Write the page of the fleet, at most once in some seconds."""
-        history = self._sinks[-1]
-        now = time.monotonic()
-        if (
-            self._options.page
-            and isinstance(history, History)
-            and now >= self._page_written + every
-        ):
+        now, history = time.monotonic(), self._history
+        if self._options.page and history and now >= self._page_written + every:
             from emacm.reports.fleet import write_fleet  # needs jinja2
 
             self._page_written = now
@@ -166,24 +156,23 @@ class StreamRecords:
     def close(self) -> None:
         """Write the page of the fleet, and close the sinks."""
         self._write_page(every=0.0)
-        for sink in self._sinks:
+        for sink in reversed(self._sinks):  # the history last
             sink.close()
 
-    def state(self, pending: Sequence[Record] = ()) -> bytes:
+    def state(self, pending: Sequence[Record] = ()) -> dict[str, Any]:
         """Return what `restore` needs, with records that are not written yet."""
-        state = {"alarms": self._alarms.state(), "turns_since": self._turns_since}
-        return json.dumps(state | {"pending": pending}).encode()
+        alarms, since = self._alarms.state(), self._turns_since
+        return {"alarms": alarms, "turns_since": since, "pending": pending}
 
-    def restore(self, state: bytes) -> None:
+    def restore(self, state: dict[str, Any]) -> None:
         """Continue from a state, and write what was pending.
 
         If the process was killed between writing the state and the records, they are written now;
         if it was killed later, they are written again, with the same identities.
         """
-        found = json.loads(state)
-        self._alarms.restore(found["alarms"])
-        self._turns_since = found["turns_since"]
-        self.write(found["pending"])
+        self._alarms.restore(state["alarms"])
+        self._turns_since = state["turns_since"]
+        self.write(state["pending"])
 
 
 def _setting_text(chosen: AlarmSetting, healthy: Any, hours: float, accepted: float) -> str:
@@ -196,21 +185,13 @@ def _setting_text(chosen: AlarmSetting, healthy: Any, hours: float, accepted: fl
         f"raised by {rule.needed} of {rule.of} readings that are not {healthy}{untypical} and "
         f"cleared by {rule.quiet} others; "
     )
-    if chosen.rate is None:
-        return text + "false alarms are not known, as the model left no groups out"
-    if not math.isfinite(hours):
-        return text + "false alarms are not known, as readings have no length (--every)"
-    expected, low, high = (rate / hours * 1000 for rate in chosen.rate)
-    found = f"{chosen.n_groups} healthy groups of the training"
+    if chosen.rate is None or not math.isfinite(hours):
+        return text + "false alarms are known only with --every, of a model that left groups out"
+    expected, low, high = (f"{float(f'{x / hours * 1000:.2g}'):,.10g}" for x in chosen.rate)
     text += (
-        f"{_short(expected)} false alarms in 1000 h ({_short(low)} to {_short(high)}, as {found} "
+        f"{expected} false alarms in 1000 h ({low} to {high}, as {chosen.n_groups} healthy groups "
+        f"of the training tell, if successive readings are independent)"
     )
-    text += "tell, if successive readings are independent)"
-    if expected > accepted:
+    if chosen.rate.expected > accepted * hours / 1000:
         text += f", not {accepted:g}: train with more healthy groups, or lengthen --every"
     return text
-
-
-def _short(number: float) -> str:
-    """Return a number with two digits, as 1,400."""
-    return f"{float(f'{number:.2g}'):,.10g}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -83,9 +84,7 @@ class AlarmDisplay(Display):
             If `estimator` is no fitted alarm, or X is invalid.
         """
         check_is_fitted(estimator)
-        state = estimator.state()
-        statistic = estimator.reset().update(X).statistic[:, 0]
-        estimator.restore(state)
+        statistic = deepcopy(estimator).reset().update(X).statistic[:, 0]
         options.setdefault("name", type(estimator).__name__ + " [standard deviations]")
         options["two_sided"] = isinstance(estimator, EWMA)
         return cls(times, statistic, estimator.limit_, **options).plot(ax=ax)
@@ -124,7 +123,7 @@ class TrendDisplay(Display):
     Parameters
     ----------
     table : DataFrame
-        As of `HealthIndex.trend`: columns "unit", "time", "index", "limit" (NaN if there is none),
+        As of `health_trend`: columns "unit", "time", "index", "limit" (NaN if there is none),
         "alarm" and, optionally, "false_alarm", of at most 8 units. Rows without an index are not
         drawn.
     time_label : str

@@ -41,8 +41,7 @@ def reasons_of(
     record : mapping of str to object
         Fields of a record.
     defects : iterable of str
-        Sentences on defects of channels, on what is far outside the training, and of charts (they
-        begin with ``EWMA of`` or ``CUSUM of``).
+        Sentences on defects of channels, and on what is far outside the training.
     healthy : collection of str
         Decisions that are no reason.
     typicality : float
@@ -53,7 +52,7 @@ def reasons_of(
     Returns
     -------
     dict of (channel, kind) to str
-        Kinds are "error", "decision" (untypical readings included), "input", and the charts.
+        Kinds are "error", "decision" (untypical readings included) and "input".
 
     Examples
     --------
@@ -70,9 +69,6 @@ def reasons_of(
         found["", "decision"] = record["decision"] + untypical
     longest_first = sorted(channels, key=len, reverse=True)
     for text in defects:
-        if text.startswith(("EWMA of ", "CUSUM of ")):
-            found["", text.rpartition(": ")[0]] = text
-            continue
         of_channel = (c for c in longest_first if f"'{c}'" in text or text.startswith(f"{c}: "))
         key = next(of_channel, ""), "input"
         found[key] = "; ".join(filter(None, [found.get(key), text]))
@@ -102,8 +98,8 @@ class AlarmStates:
 
     def __init__(self, unit: str, rule: Rule) -> None:
         self._unit, self._rule = unit, rule
-        self._recent: dict[tuple[str, str], list[bool]] = {}
-        self._open: dict[tuple[str, str], dict[str, Any]] = {}
+        # Whether the last readings were a reason, and the alarm, of each channel and kind.
+        self._known: dict[tuple[str, str], tuple[list[bool], dict[str, Any] | None]] = {}
 
     def update(self, reasons: Mapping[tuple[str, str], str], time: str) -> list[dict[str, Any]]:
         """Continue with a reading; return the alarms that changed their state.
@@ -121,16 +117,17 @@ class AlarmStates:
             As in the field "alarms" of a record.
         """
         rule, changes = self._rule, []
-        for key in [*dict.fromkeys([*self._recent, *reasons])]:
-            recent = [*self._recent.get(key, []), key in reasons][-max(rule.of, rule.quiet) :]
-            self._recent[key] = recent
-            if key not in self._open and sum(recent[-rule.of :]) >= rule.needed:
-                self._open[key] = self._raised(*key, reasons.get(key, ""), time)
-                changes.append(dict(self._open[key]))
-            elif key in self._open and not any(recent[-rule.quiet :]):
-                changes.append(self._open.pop(key) | {"state": "cleared", "time": time})
-            if key not in self._open and not any(recent):
-                del self._recent[key]
+        for key in dict.fromkeys([*self._known, *reasons]):
+            before, alarm = self._known.pop(key, ([], None))
+            recent = [*before, key in reasons][-max(rule.of, rule.quiet) :]
+            if alarm is None and sum(recent[-rule.of :]) >= rule.needed:
+                alarm = self._raised(*key, reasons.get(key, ""), time)
+                changes.append(dict(alarm))
+            elif alarm is not None and not any(recent[-rule.quiet :]):
+                changes.append(alarm | {"state": "cleared", "time": time})
+                alarm = None
+            if alarm is not None or any(recent):
+                self._known[key] = recent, alarm
         return changes
 
     def _raised(self, channel: str, kind: str, text: str, time: str) -> dict[str, Any]:
@@ -149,10 +146,8 @@ class AlarmStates:
 
     def state(self) -> list[Any]:
         """Return what `restore` needs, as values of JSON."""
-        keys = self._recent
-        return [[*key, recent, self._open.get(key)] for key, recent in keys.items()]
+        return [[*key, *known] for key, known in self._known.items()]
 
     def restore(self, state: Iterable[Any]) -> None:
         """Continue from a state."""
-        self._recent = {(channel, kind): recent for channel, kind, recent, _ in state}
-        self._open = {(channel, kind): alarm for channel, kind, _, alarm in state if alarm}
+        self._known = {(channel, kind): (recent, alarm) for channel, kind, recent, alarm in state}

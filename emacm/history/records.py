@@ -112,14 +112,13 @@ def record_of(found: Mapping[str, Any] | Any, **others: Any) -> dict[str, Any]:
     """
     given = {**(found if isinstance(found, Mapping) else _of_reading(found)), **others}
     given["start"], given["end"] = (utc(given.get(name)) for name in ("start", "end"))
-    empty = {"alarms": [], "complete": True, "emacm": __version__, "schema": VERSION}
-    texts = {name for name, kind in _FIELDS.items() if "null" not in kind.get("type", "")}
+    texts = (name for name, kind in _FIELDS.items() if "null" not in kind.get("type", ""))
+    empty: dict[str, Any] = dict.fromkeys(texts, "")
+    empty |= {"alarms": [], "complete": True, "emacm": __version__, "schema": VERSION}
     record = {}
     for name in [*_FIELDS, *(name for name in given if name.startswith("P("))]:
         value = _plain(given.get(name))
-        if value is None and name in texts:
-            value = empty.get(name, "")
-        record[name] = value
+        record[name] = empty.get(name) if value is None else value
     if record["decision"] is not None:
         record["decision"] = str(record["decision"])
     where = ("unit", "recording", "start", "end", "stream_start", "stream_end", "model")

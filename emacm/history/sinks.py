@@ -15,7 +15,7 @@ import re
 import sys
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Protocol
@@ -24,7 +24,7 @@ from urllib.parse import quote, urlsplit
 import pandas as pd
 
 from emacm._saved import written_whole
-from emacm.history.sqlite_history import History
+from emacm.history.sqlite_history import History, is_history
 
 _CONTROL = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]")
 _FORMS = "FILE.sqlite, influx:FILE, influx:-, prometheus:FILE.prom, mqtt://[user@]host[:port]/topic"
@@ -41,27 +41,24 @@ class Sink(Protocol):
 
 
 def sinks_of(texts: Sequence[str]) -> list[Sink]:
-    """Return the sinks of an option that may be repeated; a history, which is written last.
-
-    As it is last, a process that ends at any point has either noted in the history what is still
-    to be sent, or not written the record, which is then made again with the same `id`.
+    """Return the sinks of an option that may be repeated; first a history, to be closed last.
 
     Parameters
     ----------
     texts : sequence of str
-        As for `sink_of`.
+        ``results.sqlite`` (also .db) for a `History`, others as for `sink_of`.
 
     Raises
     ------
     ValueError
         If there are two histories, or see `sink_of`.
     """
-    paths = [text for text in texts if _is_history(text)]
+    paths = [text for text in texts if is_history(Path(text))]
     if len(paths) > 1:
         raise ValueError(f"sinks may have one history, got {', '.join(paths)}. Leave out the rest.")
     history = History(paths[0]) if paths else None
-    others = [sink_of(text, history) for text in texts if not _is_history(text)]
-    return [*others, history] if history else others
+    others = [sink_of(text, history) for text in texts if text not in paths]
+    return [history, *others] if history else others
 
 
 def sink_of(text: str, history: History | None = None) -> Sink:
@@ -70,8 +67,8 @@ def sink_of(text: str, history: History | None = None) -> Sink:
     Parameters
     ----------
     text : str
-        ``results.sqlite`` (also .db): a `History`. ``influx:FILE``: `InfluxLines`, on the standard
-        output if FILE is "-". ``prometheus:FILE.prom``: `PrometheusFile`.
+        ``influx:FILE``: `InfluxLines`, on the standard output if FILE is "-".
+        ``prometheus:FILE.prom``: `PrometheusFile`.
         ``mqtt://[user@]host[:port]/topic``, or ``mqtts:`` with TLS: `MqttSink`.
     history : History, optional
         Needed by MQTT; that of the open alarms for Prometheus.
@@ -99,8 +96,6 @@ def sink_of(text: str, history: History | None = None) -> Sink:
     emacm,unit=pump\\ 3 decision="worn",P(worn)=0.75,complete=true 1772366400000000015
     """
     kind, _, rest = text.partition(":")
-    if _is_history(text):
-        return History(text)
     if kind == "influx" and rest:
         return InfluxLines(rest)
     if kind == "prometheus" and rest.endswith(".prom"):
@@ -108,21 +103,6 @@ def sink_of(text: str, history: History | None = None) -> Sink:
     if kind in ("mqtt", "mqtts"):
         return MqttSink(text, history)
     raise ValueError(f"a sink must be one of {_FORMS}; got {text!r}.")
-
-
-def _is_history(text: str) -> bool:
-    return text.endswith((".sqlite", ".db")) and not re.match(r"\w{2,}:", text)
-
-
-class JsonLines:
-    """Records as lines of JSON on the standard output."""
-
-    def write(self, record: Mapping[str, Any]) -> None:
-        """Print a record."""
-        print(json.dumps(record), flush=True)
-
-    def close(self) -> None:
-        """Do nothing."""
 
 
 class InfluxLines:
@@ -232,11 +212,10 @@ class PrometheusFile:
     def __init__(self, path: str, history: History | None = None) -> None:
         self._path = Path(path)
         self._open: dict[str, set[str]] = {}
-        self._samples: dict[str, dict[str, str]] = {}
         for alarm in history.alarms(open_only=True) if history else ():
             self._open.setdefault(alarm["unit"], set()).add(alarm["id"])
-        for record in history.last_records() if history else ():
-            self._samples[record["unit"]] = self._samples_of(record)
+        known = history.last_records() if history else ()
+        self._last: dict[str, Mapping[str, Any]] = {record["unit"]: record for record in known}
         self._save()
 
     def write(self, record: Mapping[str, Any]) -> None:
@@ -244,51 +223,45 @@ class PrometheusFile:
         opened = self._open.setdefault(record["unit"], set())
         for alarm in record["alarms"]:
             (opened.discard if alarm["state"] == "cleared" else opened.add)(alarm["id"])
-        self._samples[record["unit"]] = self._samples_of(record)
+        self._last[record["unit"]] = record
         self._save()
 
     def close(self) -> None:
         """Leave the file as it is."""
 
-    def _samples_of(self, record: Mapping[str, Any]) -> dict[str, str]:
-        """Return the lines of a unit in each gauge."""
-        unit, decision = f"unit={_quoted(record['unit'])}", record["decision"]
+    def _values(self, record: Mapping[str, Any]) -> Iterator[tuple[str, str, Any]]:
+        """Yield gauge, further label and value of all that is stated of a unit."""
+        if record["decision"] is not None:
+            yield "decision", f",decision={_quoted(record['decision'])}", 1
+        yield "expected_cost", "", record["expected_cost"]
+        yield "typicality", "", record["typicality"]
+        for name in _probabilities(record):
+            yield "probability", f",state={_quoted(name[2:-1])}", record[name]
+        yield "open_alarms", "", len(self._open.get(record["unit"], ()))
         end = record["end"] and pd.Timestamp(record["end"]).timestamp()
-        gauges: dict[str, dict[str, Any]] = {
-            "decision": {} if decision is None else {f",decision={_quoted(decision)}": 1},
-            "expected_cost": {"": record["expected_cost"]},
-            "typicality": {"": record["typicality"]},
-            "probability": {
-                f",state={_quoted(p[2:-1])}": record[p] for p in _probabilities(record)
-            },
-            "open_alarms": {"": len(self._open.get(record["unit"], ()))},
-            "last_record_timestamp_seconds": {"": end},
-        }
-        return {
-            f"emacm_{gauge}": "".join(
-                f"emacm_{gauge}{{{unit}{label}}} {float(value)!r}\n"
-                for label, value in values.items()
-                if value is not None
-            )
-            for gauge, values in gauges.items()
-        }
+        yield "last_record_timestamp_seconds", "", end
 
     def _save(self) -> None:
-        text = ""
-        for gauge, about in _GAUGES.items():
-            text += f"# HELP {gauge} {about}\n# TYPE {gauge} gauge\n"
-            text += "".join(samples[gauge] for samples in self._samples.values())
+        texts = {
+            gauge: f"# HELP emacm_{gauge} {about}\n# TYPE emacm_{gauge} gauge\n"
+            for gauge, about in _GAUGES.items()
+        }
+        for unit, record in self._last.items():
+            for gauge, label, value in self._values(record):
+                if value is not None:
+                    labels = f"{{unit={_quoted(unit)}{label}}}"
+                    texts[gauge] += f"emacm_{gauge}{labels} {float(value)!r}\n"
         with written_whole(self._path) as unfinished:
-            unfinished.write_bytes(text.encode())
+            unfinished.write_bytes("".join(texts.values()).encode())
 
 
 _GAUGES = {
-    "emacm_decision": "Decision of least expected cost.",
-    "emacm_expected_cost": "Expected cost of the decision.",
-    "emacm_typicality": "Share of the training that is as far from all classes.",
-    "emacm_probability": "Probability of a state.",
-    "emacm_open_alarms": "Alarms that are not cleared.",
-    "emacm_last_record_timestamp_seconds": "End of the last record.",
+    "decision": "Decision of least expected cost.",
+    "expected_cost": "Expected cost of the decision.",
+    "typicality": "Share of the training that is as far from all classes.",
+    "probability": "Probability of a state.",
+    "open_alarms": "Alarms that are not cleared.",
+    "last_record_timestamp_seconds": "End of the last record.",
 }
 
 
@@ -307,9 +280,9 @@ class MqttSink:
         ``mqtt://[user@]host[:port]/topic``; ``mqtts:`` encrypts with TLS (port 8883). The password
         is taken from the environment variable EMACM_MQTT_PASSWORD.
     history : History
-        To which the same records are written.
-    at_once : int, default=1000
-        Messages that are in memory at the same time until the broker acknowledges them.
+        To which each record is written before.
+    at_once : int, default=100
+        Messages that may wait for their acknowledgement at the same time.
     patience : float, default=5
         Seconds that `close` waits for acknowledgements.
 
@@ -327,7 +300,7 @@ class MqttSink:
     """
 
     def __init__(
-        self, url: str, history: History | None, *, at_once: int = 1000, patience: float = 5.0
+        self, url: str, history: History | None, *, at_once: int = 100, patience: float = 5.0
     ) -> None:
         if history is None:
             raise ValueError(
@@ -339,18 +312,14 @@ class MqttSink:
         self._notes: SimpleQueue[tuple[int, str]] = SimpleQueue()  # from the connection's thread
         self._client, self._topic = _connecting(url, self._notes)
         self._pending: dict[int, str] = {}  # identity of the record of each message
+        self._refused: set[str] = set()  # left to the next process
         self._stated: set[str] = set()
-        self._behind = True  # the history may have records from before
         self._client.loop_start()
 
     def write(self, record: Mapping[str, Any]) -> None:
         """Send a record, or leave it noted in the history if the broker is away."""
         self._history.note_unsent(self._url, record["id"])
         self._settle()
-        if len(self._pending) < self._at_once and not self._behind:
-            self._publish(record)
-        else:
-            self._behind = True
 
     def close(self) -> None:
         """Wait for acknowledgements; what is not sent then is left noted in the history."""
@@ -371,16 +340,14 @@ class MqttSink:
                 self._stated.add(problem)
                 text = f"{self._url}: {problem}. What it does not acknowledge is kept in"
                 warnings.warn(f"{text} {self._history.path}.", UserWarning, stacklevel=3)
-            if problem:  # another message of the same record does not make it sent
-                others = self._pending.items()
-                self._pending = {n: other for n, other in others if other != identity}
-            elif identity and identity not in self._pending.values():
+            if problem and identity:
+                self._refused.add(identity)  # another message of this record does not make it sent
+            elif identity and identity not in {*self._pending.values(), *self._refused}:
                 self._history.note_sent(self._url, identity)
-        if self._behind and not self._pending:
-            kept = self._history.unsent(self._url, self._at_once)
-            for record in kept:
-                self._publish(record)
-            self._behind = len(kept) == self._at_once
+        if len(self._pending) < self._at_once:
+            for record in self._history.unsent(self._url, self._at_once + len(self._refused)):
+                if record["id"] not in {*self._pending.values(), *self._refused}:
+                    self._publish(record)
 
     def _publish(self, record: Mapping[str, Any]) -> None:
         topics = [("alarms", alarm) for alarm in record["alarms"]] + [("records", record)]

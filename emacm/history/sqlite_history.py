@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,14 +27,6 @@ _TABLES = (
     'features (id TEXT PRIMARY KEY, made_by TEXT, "values" BLOB)',
 )
 _INDICES = ('records_of_unit ON records (unit, "end")', "records_of_name ON records (recording)")
-_UNITS = """
-WITH RECURSIVE units(unit) AS (
-    SELECT min(unit) FROM records
-    UNION ALL
-    SELECT (SELECT min(unit) FROM records WHERE unit > units.unit) FROM units WHERE unit NOT NULL
-)
-SELECT unit FROM units WHERE unit NOT NULL
-"""  # one after the other by the index: a history of 700,000 records is not read as a whole
 _IS_CHANGED = (  # who acknowledged it is kept; what is written again does not open it again
     "ON CONFLICT (id, since) DO UPDATE SET state = excluded.state, time = excluded.time, "
     "text = excluded.text WHERE excluded.time >= alarms.time"
@@ -100,12 +92,8 @@ class History:
         """Close the file."""
         self._base.close()
 
-    def write(self, record: Mapping[str, Any]) -> None:
-        """Write a record, and the alarms that changed with it."""
-        self.write_all([record])
-
-    def write_all(self, records: Iterable[Mapping[str, Any]]) -> None:
-        """Write records, all of them or, after an error, none."""
+    def write(self, *records: Mapping[str, Any]) -> None:
+        """Write records and the alarms that changed with them; all or, after an error, none."""
         try:
             with self._base:
                 for record in records:
@@ -121,24 +109,22 @@ class History:
         places = ", ".join("?" * len(values))
         self._base.execute(f"INSERT {where} VALUES ({places}) {otherwise}", values)
 
-    def records(self, unit: str | None = None) -> list[dict[str, Any]]:
-        """Return all records, or those of a unit, in order of their end."""
-        where, values = ("", ()) if unit is None else ("WHERE unit = ?", (unit,))
-        found = self._base.execute(f'SELECT record FROM records {where} ORDER BY "end", id', values)
+    def records(self) -> list[dict[str, Any]]:
+        """Return all records, in order of their end."""
+        found = self._base.execute('SELECT record FROM records ORDER BY "end", id')
         return [json.loads(text) for (text,) in found]
 
     def last_records(self, most: int = 1) -> list[dict[str, Any]]:
         """Return the last records of each unit, at most so many, in order of their end."""
         query = 'SELECT record FROM records WHERE unit = ? ORDER BY "end" DESC, id DESC LIMIT ?'
-        units = [unit for (unit,) in self._base.execute(_UNITS)]
-        found = [self._base.execute(query, (unit, most)).fetchall()[::-1] for unit in units]
+        units = self._base.execute("SELECT DISTINCT unit FROM records ORDER BY unit").fetchall()
+        found = [self._base.execute(query, (*unit, most)).fetchall()[::-1] for unit in units]
         return [json.loads(text) for records in found for (text,) in records]
 
     def known(self) -> list[dict[str, Any]]:
         """Return recording, identity, decision and error of each record."""
-        return list(
-            map(dict, self._base.execute("SELECT recording, id, decision, error FROM records"))
-        )
+        found = self._base.execute("SELECT recording, id, decision, error FROM records")
+        return [dict(row) for row in found]
 
     def alarms(self, *, open_only: bool = False) -> list[dict[str, Any]]:
         """Return the alarms, the latest first; those that are not cleared, if `open_only`."""

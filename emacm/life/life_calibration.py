@@ -19,7 +19,6 @@ Bools = NDArray[np.bool_]
 
 BEFORE_ONSET = "before onset"
 DAMAGE = "damage"
-WITHOUT_INDEX = "without index"  # the population at any age, with which intervals are compared
 SAME_AGE, EARLIER_AGE = "same age", "earlier age"
 
 
@@ -82,11 +81,6 @@ class History:
     def running(self) -> Bools:
         """Whether there is damage before the end, of each reading."""
         return self.damaged & (self.remaining > 0)
-
-    @property
-    def without_index(self) -> History:
-        """The same unit, of which only the age is known."""
-        return replace(self, onset=len(self.ages))
 
     @property
     def states(self) -> Array:
@@ -153,17 +147,13 @@ def with_lives(
     units = []
     for unit in histories:
         ends, own = unit.ages + remaining[unit.rows], ended[unit.rows].astype(bool)
-        wrong = np.abs(ends - ends[0]) > tolerance * abs(ends[0])
+        wrong = (np.abs(ends - ends[0]) > tolerance * abs(ends[0])) | (ends <= 0)
         if wrong.any():
             row = int(np.argmax(wrong))
             raise ValueError(
                 f"age + remaining life of unit {unit.name!r} is {ends[0]:g} in row {unit.rows[0]} "
                 f"and {ends[row]:g} in row {unit.rows[row]}. Both must be in the same unit of "
-                f"time, and a unit ends once; a repaired unit is another unit."
-            )
-        if ends[0] <= 0:
-            raise ValueError(
-                f"unit {unit.name!r} has a life of 0. Leave it out, or correct its age."
+                f"time, and a unit ends once, after 0; a repaired unit is another unit."
             )
         if own.any() != own.all():
             raise ValueError(
@@ -289,7 +279,7 @@ def outside_fit(X: Array, fitted: Array, *, margin: float = 0.0) -> list[str]:
     return statements
 
 
-def statement(row: dict[str, Any], coverage: float, without_index: Array, *, indexed: bool) -> str:
+def statement(row: dict[str, Any], coverage: float) -> str:
     """Say what an interval is based on.
 
     Parameters
@@ -298,13 +288,8 @@ def statement(row: dict[str, Any], coverage: float, without_index: Array, *, ind
         Its row in the table of `RemainingLife.predict_interval`.
     coverage : float
         Its coverage.
-    without_index : ndarray of shape (2,)
-        Lower and upper limit from the age alone.
-    indexed : bool
-        Whether there is a health index.
     """
-    known = "No damage yet" if indexed else "No health index"
-    basis, when = f"{known}: this is the life of the population at this age.", "of this age"
+    basis, when = "No damage is known: this is the life of the population.", "of this age"
     if row["stage"] == DAMAGE:
         basis = "Damage is present: this follows from the health index of the unit."
         when = "as long after the onset"
@@ -314,9 +299,6 @@ def statement(row: dict[str, Any], coverage: float, without_index: Array, *, ind
     elif row["calibration"] != SAME_AGE:
         units = f"{row['n_units']} units earlier"
         interval = f"{coverage:.0%} interval as of {units}: too few {when}."
-    low, high = without_index
-    if row["stage"] == DAMAGE and row["upper"] - row["lower"] > high - low:
-        interval += f" It is wider than the one from the age alone, {low:.3g} to {high:.3g}."
     return f"{basis} {interval}"
 
 
@@ -363,9 +345,7 @@ class LifeModels:
         found = np.empty(remaining.shape)
         no_columns, ages = unit.columns[:first, np.newaxis, :0], unit.ages[:first, np.newaxis]
         found[:first] = self.population.cdf(remaining[:first], no_columns, ages)
-        if first < len(unit.ages):
-            if self.damage is None:
-                raise ValueError("no unit with damage was in the fit; set another onset.")
+        if self.damage is not None:
             wiener = isinstance(self.damage, WienerProcess)
             table = unit.states if wiener else unit.columns[first:]
             found[first:] = self.damage.cdf(remaining[first:], table[:, np.newaxis, :])
@@ -418,7 +398,7 @@ class LifeCalibration:
     def __init__(
         self, histories: list[History], fit: Callable[[list[History]], LifeModels]
     ) -> None:
-        self.units: dict[str, list[Levels]] = {BEFORE_ONSET: [], DAMAGE: [], WITHOUT_INDEX: []}
+        self.units: dict[str, list[Levels]] = {BEFORE_ONSET: [], DAMAGE: []}
         numbers = np.arange(len(histories))
         for others, rows in left_out(np.zeros_like(numbers), numbers):
             models = fit([histories[k] for k in others])
@@ -444,13 +424,11 @@ class LifeCalibration:
         return half_width(levels, censored, coverage), len(alive)
 
     def _add(self, models: LifeModels, unit: History) -> None:
-        new, remaining = unit.without_index, unit.remaining[:, np.newaxis]
-        levels, plain = models.cdf(unit, remaining)[:, 0], models.cdf(new, remaining)[:, 0]
-        for stage, times, found, rows, end in (
-            (BEFORE_ONSET, unit.ages, levels, ~unit.damaged, min(unit.onset_age, unit.life)),
-            (DAMAGE, unit.times, levels, unit.running, unit.life - unit.onset_age),
-            (WITHOUT_INDEX, unit.ages, plain, unit.remaining > 0, unit.life),
+        levels = models.cdf(unit, unit.remaining[:, np.newaxis])[:, 0]
+        for stage, rows, end in (
+            (BEFORE_ONSET, ~unit.damaged, min(unit.onset_age, unit.life)),
+            (DAMAGE, unit.running, unit.life - unit.onset_age),
         ):
             if rows.any():
-                one = Levels(times[rows], found[rows], end, not unit.failed)
+                one = Levels(unit.times[rows], levels[rows], end, not unit.failed)
                 self.units[stage].append(one)

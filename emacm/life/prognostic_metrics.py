@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import beta
 
-from emacm._checks import check_choice, check_finite, check_number, check_real_array
+from emacm._checks import check_choice, check_finite, check_real_array
 from emacm.recordings.meta import read_grouping
 
 Array = NDArray[np.float64]
@@ -101,7 +101,7 @@ def phm2012_score(true: ArrayLike, predicted: ArrayLike) -> float:
 
 
 def coverage_by_unit(
-    true: ArrayLike, lower: ArrayLike, upper: ArrayLike, groups: Any, *, confidence: float = 0.95
+    true: ArrayLike, lower: ArrayLike, upper: ArrayLike, groups: Any
 ) -> pd.DataFrame:
     """Return how often intervals contain the true value, by unit.
 
@@ -113,15 +113,13 @@ def coverage_by_unit(
         True values and interval limits, which may be infinite.
     groups : array-like of shape (n_readings,)
         Unit of each reading.
-    confidence : float
-        Confidence of the interval of the coverage.
 
     Returns
     -------
     DataFrame
         One row per unit and the row "all": "coverage" (fraction of readings covered; of "all": mean
-        over units), "n_readings"; for "all" also "low" and "high", exact binomial limits
-        (Clopper and Pearson) of the mean over units.
+        over units), "n_readings"; for "all" also "low" and "high", exact binomial limits of
+        95 % (Clopper and Pearson) of the mean over units.
 
     Raises
     ------
@@ -137,7 +135,6 @@ def coverage_by_unit(
     >>> coverage_by_unit([5, 6, 2], [4, 4, 3], [7, 9, 8], ["B", "B", "A"])["coverage"].to_dict()
     {'A': 0.0, 'B': 1.0, 'all': 0.5}
     """
-    confidence = check_number(confidence, "confidence", above=0, below=1)
     true, low, high = _columns(true=true, lower=lower, upper=upper)
     if not (low <= high).all():
         row = int(np.argmin(low <= high))
@@ -152,9 +149,9 @@ def coverage_by_unit(
     n_units, mean = len(table), float(table["coverage"].mean())
     table.loc["all"] = [mean, float(len(true))]
     table[["low", "high"]] = np.nan
-    tail, hits = (1 - confidence) / 2, mean * n_units
-    low_limit = beta.ppf(tail, hits, n_units - hits + 1) if hits > 0 else 0.0
-    high_limit = beta.ppf(1 - tail, hits + 1, n_units - hits) if hits < n_units else 1.0
+    hits = mean * n_units
+    low_limit = beta.ppf(0.025, hits, n_units - hits + 1) if hits > 0 else 0.0
+    high_limit = beta.ppf(0.975, hits + 1, n_units - hits) if hits < n_units else 1.0
     table.loc["all", ["low", "high"]] = [low_limit, high_limit]
     return table
 

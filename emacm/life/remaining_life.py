@@ -18,12 +18,10 @@ from emacm._checks import (
     check_count,
     check_finite_readings,
     check_number,
-    check_real_array,
     check_table,
 )
 from emacm._saved import SavedEstimator
 from emacm.life.life_calibration import (
-    WITHOUT_INDEX,
     History,
     LifeCalibration,
     LifeModels,
@@ -303,36 +301,7 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         ndarray of shape (n_readings,)
             Medians, in the unit of y.
         """
-        return self.predict_quantiles(X, [0.5], groups)[:, 0]
-
-    def predict_quantiles(
-        self, X: Any, levels: ArrayLike, groups: ArrayLike | None = None
-    ) -> Array:
-        """Return quantiles of the predicted distribution, which is not calibrated.
-
-        Parameters
-        ----------
-        X, groups
-            As for `predict`.
-        levels : array-like of shape (n_levels,)
-            Probabilities between 0 and 1.
-
-        Returns
-        -------
-        ndarray of shape (n_readings, n_levels)
-            Remaining lives.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If X or a level is invalid.
-        """
-        X, units = self._followed(X, groups)
-        wanted = check_real_array(levels, "levels").astype(np.float64)
-        if wanted.ndim != 1 or not ((wanted >= 0) & (wanted <= 1)).all():
-            raise ValueError(f"levels must be a list of numbers from 0 to 1, got {levels!r}.")
-        self._warn_outside(X)
-        return self._quantiles(units, np.broadcast_to(wanted, (len(X), len(wanted))))
+        return self._predicted(X, groups, np.array([0.5]))[:, 0]
 
     def predict_interval(
         self, X: Any, groups: ArrayLike | None = None, *, coverage: float | None = None
@@ -354,8 +323,7 @@ class RemainingLife(RegressorMixin, SavedEstimator):
             (units on which the interval is calibrated), "calibration" ("same age": on units of the
             same age or time since the onset; "earlier age": too few units reached it, so that the
             interval is as wide as at the latest one that enough units reached) and "statement", in
-            words, also of an age or an index outside the range of the fit, and of an interval that
-            is wider than the one from the age alone.
+            words, also of an age or an index outside the range of the fit.
 
         Raises
         ------
@@ -377,22 +345,15 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         levels = np.column_stack([np.zeros(len(X)), np.negative(widths), widths])
         table[["median", "lower", "upper"]] = self._quantiles(units, np.clip(0.5 + levels, 0, 1))
         table["n_units"], table["calibration"] = n_units, calibration
-        indexed = self.n_features_in_ > 1
         rows, outside = table.to_dict("records"), outside_fit(X, self._fitted_range)
-        without = self._limits_without_index(units, len(X), coverage)
         table["statement"] = [
-            f"{statement(row, coverage, plain, indexed=indexed)} {text}".rstrip()
-            for row, plain, text in zip(rows, without, outside, strict=True)
+            f"{statement(row, coverage)} {text}".rstrip()
+            for row, text in zip(rows, outside, strict=True)
         ]
         return table
 
     def decide(
-        self,
-        X: Any,
-        costs: MaintenanceCosts,
-        groups: ArrayLike | None = None,
-        *,
-        n_draws: int = 200,
+        self, X: Any, costs: MaintenanceCosts, groups: ArrayLike | None = None
     ) -> pd.DataFrame:
         """Return the decision of least expected cost for each reading.
 
@@ -402,8 +363,6 @@ class RemainingLife(RegressorMixin, SavedEstimator):
             As for `predict`.
         costs : MaintenanceCosts
             What late and early decisions cost.
-        n_draws : int
-            Number of equally probable lives over which costs are averaged.
 
         Returns
         -------
@@ -417,8 +376,8 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         """
         if not isinstance(costs, MaintenanceCosts):
             raise TypeError(f"costs must be MaintenanceCosts, got {type(costs).__name__}.")
-        levels = (np.arange(n_draws) + 0.5) / n_draws
-        table = expected_costs(self.predict_quantiles(X, levels, groups), costs)
+        levels = (np.arange(200) + 0.5) / 200  # equally probable lives, to average costs over
+        table = expected_costs(self._predicted(X, groups, levels), costs)
         return table.set_axis(X.index) if isinstance(X, pd.DataFrame) else table
 
     def _check_parameters(self) -> None:
@@ -447,14 +406,11 @@ class RemainingLife(RegressorMixin, SavedEstimator):
                 f"{X[row, 0]:g} in row {row}."
             )
 
-    def _limits_without_index(self, units: list[History], n: int, coverage: float) -> Array:
-        """Return lower and upper limit from the age alone, of each reading."""
-        limits = np.empty((n, 2))
-        for unit in units:
-            width = [self._calibration.width(WITHOUT_INDEX, x, coverage)[0] for x in unit.ages]
-            levels = np.clip(0.5 + np.outer(width, [-1, 1]), 0, 1)
-            limits[unit.rows] = self.models_.quantiles(unit.without_index, levels)
-        return limits
+    def _predicted(self, X: Any, groups: Any, levels: Array) -> Array:
+        """Return quantiles of the predicted distribution, (n_readings, n_levels)."""
+        X, units = self._followed(X, groups)
+        self._warn_outside(X)
+        return self._quantiles(units, np.broadcast_to(levels, (len(X), len(levels))))
 
     def _warn_outside(self, X: Array, *, margin: float = 0.1) -> None:
         """Warn of readings far outside the range of the fit, naming the first."""

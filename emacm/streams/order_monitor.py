@@ -9,26 +9,25 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from sklearn.base import clone
 
 from emacm._checks import check_choice, check_number, check_real_array
 from emacm._version import __version__
-from emacm.alarms.control_charts import CUSUM, EWMA
 from emacm.recordings.arguments import check_durations, check_rates, check_shaft_rate
 from emacm.recordings.names import check_channel_names, chosen_channels
-from emacm.resampling.order_resampler import check_angle_step
 from emacm.streams.intervals import IntervalCutter, Samples
 from emacm.streams.packed_state import Resumable, packed, unpacked
 from emacm.streams.spectrum_stream import Settings, SpectrumStream
 from emacm.streams.streamed_models import Reading, ReadingAlarms, StreamedModel
 
 _ON = (
-    "Nothing of this block, and of short ones collected with it, was taken: repair the samples and "
-    "push them again, or flush() and go on after them."
+    "Nothing of this block was taken: repair the samples and push them again, or flush() and go on "
+    "after them."
 )
 
 
 class StreamInput(Resumable):
-    """Collects short blocks of samples, checks them together, and unwraps wrapped angles.
+    """Checks blocks of samples, and unwraps wrapped angles.
 
     Parameters
     ----------
@@ -38,63 +37,21 @@ class StreamInput(Resumable):
         Rates and channels (of `names`), and highest speed of the shaft.
     wrapped : bool
         Whether angles are wrapped at 2π.
-    short : float
-        Blocks are collected until they are as long as this [s].
-
-    Attributes
-    ----------
-    n_collected : int
-        Samples of the shaft that were collected, and not checked yet.
     """
 
-    held = ("_last", "_turns", "_collected", "n_collected")
+    held = ("_last", "_turns")
 
     def __init__(
-        self,
-        channels: Sequence[str],
-        names: Sequence[str],
-        settings: Settings,
-        wrapped: bool,
-        *,
-        short: float = 0.05,
+        self, channels: Sequence[str], names: Sequence[str], settings: Settings, wrapped: bool
     ) -> None:
         self._channels, self._names = channels, names
         self._settings, self._wrapped = settings, wrapped
-        one_rate = len({*settings.rates}) == 1  # of the channels and the shaft
-        self._n_short = int(short * settings.shaft_fs) if one_rate else 0
         self.reset()
 
     def reset(self) -> None:
         """Begin another recording."""
         self._last: Samples = np.empty(0)  # the last angle, as measured
         self._turns = 0  # to be added to it
-        self._collected: list[Samples] = []
-        self.n_collected = 0
-
-    def collect(self, signals: Any, shaft: Any) -> bool:
-        """Keep a copy of a short block of arrays of equal lengths; tell whether it was kept."""
-        if type(shaft) is not np.ndarray or shaft.size + self.n_collected >= self._n_short:
-            return False
-        if isinstance(signals, Mapping):
-            rows = [signals.get(name) for name in self._channels]
-            alike = all(type(row) is np.ndarray and row.shape == shaft.shape for row in rows)
-            signals = np.array(rows) if alike else None
-        wanted = (len(self._channels), shaft.size)
-        if type(signals) is not np.ndarray or signals.shape != wanted:
-            return False
-        if signals.dtype.kind not in "iuf" or shaft.dtype.kind not in "iuf":
-            return False
-        block = np.empty((len(signals) + 1, shaft.size))
-        block[:-1], block[-1] = signals, shaft
-        self._collected.append(block)
-        self.n_collected += shaft.size
-        return True
-
-    def collected(self) -> Samples:
-        """Return what was collected, the shaft as the last row, and begin to collect again."""
-        block = np.concatenate(self._collected, axis=1)
-        self._collected, self.n_collected = [], 0
-        return block
 
     def checked(
         self, signals: Any, shaft: Any, reference: str, times: Sequence[float]
@@ -119,12 +76,11 @@ class StreamInput(Resumable):
         for (rate, group), time in zip(self._settings.groups.items(), times, strict=False):
             names = [self._names[k] for k in group]
             taken = [_samples(rows[name], f"channel {name!r}", rate, time) for name in names]
-            lengths = [len(row) for row in taken]
-            if min(lengths) < max(lengths):
-                k = int(np.not_equal(lengths, lengths[0]).argmax())
+            lengths = {name: len(row) for name, row in zip(names, taken, strict=True)}
+            if len({*lengths.values()}) > 1:
                 raise ValueError(
                     f"channels of {rate:g} Hz must have equally many samples in a block, got "
-                    f"{lengths[0]} and {lengths[k]} of {names[k]!r}."
+                    f"{lengths}."
                 )
             streams.append(np.array(taken))
         motion = _samples(shaft, reference, self._settings.shaft_fs, times[-1])
@@ -192,11 +148,9 @@ _PARTS = ("input", "alarms", "cutter", "stream")
 class OrderMonitor:
     """Apply a fitted model to signals while they are measured.
 
-    Samples are accepted in blocks of any length. Blocks of arrays of one rate that are shorter than
-    50 ms are collected until they are as long, and then checked and processed together. The
-    features of a reading are those that the model computes of a `Recording` of the same samples,
-    whatever the blocks are. Only what later results depend on is held: some 21,000 samples of each
-    channel, and a few segments.
+    Samples are accepted in blocks of any length. The features of a reading are those that the model
+    computes of a `Recording` of the same samples, whatever the blocks are. Only what later results
+    depend on is held: some 25,000 samples of each channel, and a few segments.
 
     Parameters
     ----------
@@ -220,11 +174,6 @@ class OrderMonitor:
         Unit of `every`: revolutions of the shaft of interest, or seconds.
     wrapped : bool
         Whether `angle` is wrapped at 2π. Its steps must then be less than π.
-    alarms : mapping of str to EWMA or CUSUM, optional
-        Fitted charts of single features (names as of ``model[:-1].get_feature_names_out()``) or of
-        "expected_cost". Unknown states, untypical readings, intervals without a segment, and
-        levels and units far outside those of the training are alarms in any case (`InputAlarm`), as
-        are channels that are clipped, overflow, drop out or have a far offset, unlike in training.
 
     Attributes
     ----------
@@ -241,10 +190,14 @@ class OrderMonitor:
     --------
     emacm.score : Decisions on recordings.
     emacm.monitoring.EWMA : Alarms on its readings.
-    emacm.monitoring.InputAlarm : Alarms on unknown states and implausible input.
 
     Notes
     -----
+    Alarms of a reading are an unknown state, two successive readings with a typicality of at most
+    0.01, an interval without a segment, levels and units far outside those of the training, new
+    spectral lines, and channels that are clipped, overflow, drop out or have a far offset, unlike
+    in training. Control charts are updated with its features or its expected cost.
+
     A stroke goes on after a rest if the shaft then turns in the same direction. The samples of a
     rest are therefore held until it ends. `max_rest` of `OrderResampler` ends a stroke after a
     stated time at rest and limits the memory; without it, more than some four million samples of a
@@ -281,7 +234,6 @@ class OrderMonitor:
         every: float | None = None,
         unit: str = "revolutions",
         wrapped: bool = False,
-        alarms: Mapping[str, EWMA | CUSUM] | None = None,
     ) -> None:
         self._model = StreamedModel(model)
         self._channels = chosen_channels(channels, ())
@@ -296,7 +248,8 @@ class OrderMonitor:
         self._groups = {  # channels of one rate are held together
             rate: [k for k, other in enumerate(rates) if other == rate] for rate in rates
         }
-        self._alarms = ReadingAlarms(self._model, alarms)
+        unknown = getattr(self._model.classifier, "unknown", None)
+        self._alarms = ReadingAlarms("unknown" if unknown is None else unknown)
         self._begin("", 0.0)
         wrapped = check_choice(wrapped, "wrapped", (True, False))
         self._input = StreamInput(self._channels, self._names, self._settings, wrapped)
@@ -304,7 +257,7 @@ class OrderMonitor:
     @property
     def time(self) -> float:
         """Time up to which all channels of the model and the shaft were received [s]."""
-        return min(self._times()) + self._input.n_collected / self._shaft_fs
+        return min(self._times(self._origin))
 
     def push(
         self,
@@ -342,11 +295,12 @@ class OrderMonitor:
         reference = "velocity" if angle is None else "angle"
         self._check_reference(reference, velocity, angle)
         shaft = velocity if angle is None else angle
-        if time is None and self._reference and self._input.collect(signals, shaft):
-            return []
-        self._take_collected()
         origin = self._checked_time(time)
-        self._take(signals, shaft, reference, origin)
+        self._check_memory()
+        streams = self._input.checked(signals, shaft, reference, self._times(origin))
+        if not self._reference:
+            self._begin(reference, origin)
+        self._cutter.append(streams)
         return self._advance()
 
     def flush(self, *, complete: bool | None = None) -> list[Reading]:
@@ -371,13 +325,11 @@ class OrderMonitor:
         """
         if not self._reference:
             return []
-        self._take_collected()
         readings = self._advance()
         labels = [f"channel {self._names[group[0]]!r}" for group in self._groups.values()]
-        counts = zip(
-            [*labels, "the shaft"], self._cutter.received, self._settings.rates, strict=True
-        )
-        check_durations({name: (range(n), rate) for name, n, rate in counts})  # type: ignore[misc]
+        received = zip(self._cutter.rows, self._settings.rates, strict=True)
+        counts: Any = [(range(rows.length), rate) for rows, rate in received]
+        check_durations(dict(zip([*labels, "the shaft"], counts, strict=True)))
         self._stream.append(self._cutter.take(all_of_them=True))
         end = self.time
         if end > self._origin + self._cutter.start:
@@ -401,8 +353,8 @@ class OrderMonitor:
             An npz file of arrays and numbers, without pickled code.
         """
         parts = {name: getattr(self, f"_{name}") for name in _PARTS}
-        own = {"settings": self._settings_text(), "model": self._model.digest()}
-        return packed(own | parts | {"origin": self._origin, "reference": self._reference})
+        own = {"settings": self._settings_text(), "origin": self._origin}
+        return packed(own | parts | {"reference": self._reference})
 
     def restore(self, state: bytes) -> OrderMonitor:
         """Go on after the last sample before `state`.
@@ -420,76 +372,41 @@ class OrderMonitor:
         Raises
         ------
         ValueError
-            If the state cannot be read, or is that of another model or other options. Of a state
-            that is damaged inside, nothing is restored: the monitor then has no samples.
+            If the state cannot be read, or is that of another model or other options.
         """
         tree = unpacked(state)
         stated, own = tree.get("settings"), self._settings_text()
         if stated != own:
             raise ValueError(
-                f"the state belongs to a monitor of other settings: {stated}; this one has {own}. "
-                f"Use the same model and options."
+                f"the state belongs to another model, or to other options: {stated}; this monitor "
+                f"has {own}. Take the model and the options with which it was written, or begin "
+                f"another recording without it."
             )
-        if tree.get("model") != self._model.digest():
-            raise ValueError(
-                "the state belongs to another model: its parameters or fitted values differ. Load "
-                "the model with which the state was written, or begin another recording without it."
-            )
-        try:
-            self._begin(tree["reference"], tree["origin"])
-            for name in _PARTS:
-                getattr(self, f"_{name}").restore(tree[name])
-        except (KeyError, IndexError, TypeError, ValueError) as error:
-            self._input.reset()
-            self._begin("", 0.0)
-            text = "nothing was restored. Go on without it, which begins another recording."
-            raise ValueError(f"the state is damaged ({error!r}); {text}") from error
+        self._begin(tree["reference"], tree["origin"])
+        for name in _PARTS:
+            getattr(self, f"_{name}").restore(tree[name])
         return self
 
-    def _times(self, origin: float | None = None) -> list[float]:
+    def _times(self, origin: float) -> list[float]:
         """Return the time of the next sample of each group and of the shaft [s]."""
-        origin = self._origin if origin is None else origin
-        received = zip(self._cutter.received, self._settings.rates, strict=True)
-        return [origin + n / rate for n, rate in received]
+        received = zip(self._cutter.rows, self._settings.rates, strict=True)
+        return [origin + rows.length / rate for rows, rate in received]
 
     def _begin(self, reference: str, origin: float) -> None:
         """Begin a recording, whose shaft reference is "" before its first samples."""
-        resampler = self._model.resampler
         self._reference, self._origin = reference, origin
         self._settings = Settings(
+            reference,
             self._shaft_fs,
             self._groups,
             self._names,
-            check_angle_step(resampler.theta_s),
-            resampler.direction,
-            float(resampler.min_speed),
-            resampler.max_rest,
-            float(resampler.ratio),
+            clone(self._model.resampler),  # what is set meanwhile counts for the next recording
             self._max_speed,
             self._model.psd.plan,
         )
-        self._cutter = IntervalCutter(
-            self._settings,
-            min(*self._rates.values(), self._shaft_fs),
-            self._every,
-            self._unit == "s",
-            reference,
-        )
-        self._stream = SpectrumStream(self._settings, reference)
-
-    def _take(self, signals: Any, shaft: Any, reference: str, origin: float) -> None:
-        """Check a block, and add it to the samples of the recording, which may begin with it."""
-        self._check_memory()
-        streams = self._input.checked(signals, shaft, reference, self._times(origin))
-        if not self._reference:
-            self._begin(reference, origin)
-        self._cutter.append(streams)
-
-    def _take_collected(self) -> None:
-        """Take the short blocks that were collected."""
-        if self._input.n_collected:
-            *signals, shaft = self._input.collected()
-            self._take(signals, shaft, self._reference, self._origin)
+        slowest = min(*self._rates.values(), self._shaft_fs)
+        self._cutter = IntervalCutter(self._settings, slowest, self._every, self._unit == "s")
+        self._stream = SpectrumStream(self._settings)
 
     def _advance(self) -> list[Reading]:
         """Process the samples that are known to belong to an interval."""
@@ -500,7 +417,7 @@ class OrderMonitor:
                 return readings
             readings.append(self._finish(self._origin + self._cutter.stop))
             self._cutter.next()
-            self._stream = SpectrumStream(self._settings, self._reference)
+            self._stream = SpectrumStream(self._settings)
 
     def _finish(self, end: float, *, complete: bool = True) -> Reading:
         """Return the reading of the interval that ends now."""
@@ -511,11 +428,11 @@ class OrderMonitor:
             reading = self._model.reading(start, end, powers, quality, complete=complete)
         except ValueError as problem:  # such as an interval in which the shaft stands still
             error = " ".join(str(problem).split())
-            reading = Reading(start, end, None, {}, None, {}, None, complete=complete, error=error)
+            reading = Reading(start, end, complete=complete, error=error)
         return replace(reading, alarms=self._alarms.update(reading)) if complete else reading
 
     def _check_memory(self) -> None:
-        n_held = max(self._stream.n_held, self._cutter.n_waiting)
+        n_held = max(rows.n_held for rows in [*self._stream.inputs, *self._cutter.rows])
         if n_held > self._settings.most_held:
             raise ValueError(
                 f"at {self.time:.6g} s, {n_held} samples of a channel are held, as the last stroke "
@@ -548,15 +465,15 @@ class OrderMonitor:
         return self._origin
 
     def _settings_text(self) -> str:
-        """Return what must agree, beside the model, for a state to be restored."""
+        """Return what must agree for a state to be restored."""
         facts = {
             "version": __version__,
+            "model": self._model.digest(),
             "channels": self._channels,
             "fs": self._rates,
             "shaft_fs": self._shaft_fs,
             "max_speed": self._max_speed,
             "every": self._every,
             "unit": self._unit,
-            "alarms": self._alarms.charts,
         }
         return json.dumps(facts)

@@ -72,8 +72,7 @@ class HeldRows(Resumable):
     @property
     def _joined(self) -> Samples:
         if len(self._blocks) > 1:
-            blocks = [block for block in self._blocks if block.shape[1]] or self._blocks[:1]
-            self._blocks = [np.concatenate(blocks, axis=1)] if len(blocks) > 1 else blocks
+            self._blocks = [np.concatenate(self._blocks, axis=1)]
         return self._blocks[0]
 
 
@@ -257,8 +256,6 @@ class ShaftStream(Resumable):
         speed = np.abs(self._velocity.between(first, stroke.stop))
         growing.slowest = min(growing.slowest, float(speed.min()))
         growing.fastest = max(growing.fastest, float(speed.max()))
-        if not self._is_angle and self._min_speed == 0:  # the shaft never turns back
-            return
         low = max(first - 1, stroke.start)
         travel = stroke.direction * (self.angle[low : stroke.stop] - growing.start_angle)
         largest = float(np.abs(np.diff(travel)).max(initial=0.0))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm.orders.segment_plan import SectionCutter, SegmentPlan
+from emacm.resampling.order_resampler import OrderResampler
 from emacm.resampling.quality import CHANNEL_CHECKS, Finding, Quality, check_channel
 from emacm.resampling.spreading import DESIGN, Spreading, upsampling
 from emacm.shaft.motion import DIRECTIONS, ShaftPath
@@ -31,21 +32,15 @@ class StreamQuality(Resumable):
         Names of the channels.
     """
 
-    held = ("_sums", "_row", "_forward", "_defects")
+    held = ("_sums", "_strokes", "_defects")
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = names
         # Number of samples of each channel, their sum and the sum of their squares.
         self._sums = np.zeros((3, len(names)))
         self._defects: list[tuple[int, str, str]] = []  # channel, kind and text, one of each
-        self._row = {
-            "revolutions": 0.0,
-            "strokes": 0,
-            "longest_stroke": 0.0,
-            "slowest": np.inf,
-            "fastest": 0.0,
-        }
-        self._forward = 0.0  # revolutions
+        # Direction, revolutions, and range of the speed of each.
+        self._strokes: list[tuple[int, float, float, float]] = []
 
     def add_samples(self, channels: Sequence[int], held: HeldRows) -> None:
         """Take up those samples of some channels that were not taken up yet."""
@@ -60,13 +55,7 @@ class StreamQuality(Resumable):
 
     def add_stroke(self, path: ShaftPath, slowest: float, fastest: float) -> None:
         """Take up a stroke of the shaft of interest and the range of its speed [rad/s]."""
-        row, revolutions = self._row, path.length / (2 * np.pi)
-        row["revolutions"] += revolutions
-        row["strokes"] += 1
-        row["longest_stroke"] = max(row["longest_stroke"], revolutions)
-        row["slowest"] = min(row["slowest"], slowest)
-        row["fastest"] = max(row["fastest"], fastest)
-        self._forward += revolutions if path.direction > 0 else 0.0
+        self._strokes.append((path.direction, path.length / (2 * np.pi), slowest, fastest))
 
     def quality(self, rates: Mapping[str, float]) -> Quality:
         """Return the properties of all that was taken up, for the rates of the channels [Hz]."""
@@ -74,10 +63,18 @@ class StreamQuality(Resumable):
         means = self._sums[1] / number
         levels = np.sqrt(np.maximum(self._sums[2] / number - means**2, 0.0))
         is_offset = np.abs(means) > CHANNEL_CHECKS.offset * levels  # at rest, a position may be so
-        row, revolutions, fastest = dict(self._row), self._row["revolutions"], self._row["fastest"]
-        row["slowest"] = row["slowest"] if row["strokes"] else 0.0
-        row["max_order"] = np.pi * min(rates.values()) / fastest if fastest else np.inf
-        share = self._forward / revolutions if revolutions else np.nan
+        turned = [revolutions for _, revolutions, _, _ in self._strokes]
+        fastest = max((most for *_, most in self._strokes), default=0.0)
+        row = {
+            "revolutions": sum(turned),
+            "strokes": len(turned),
+            "longest_stroke": max(turned, default=0.0),
+            "slowest": min((least for _, _, least, _ in self._strokes), default=0.0),
+            "fastest": fastest,
+            "max_order": np.pi * min(rates.values()) / fastest if fastest else np.inf,
+        }
+        forward = sum(revolutions for sign, revolutions, _, _ in self._strokes if sign > 0)
+        share = forward / row["revolutions"] if turned else np.nan
         named = dict(zip(rates, levels.tolist(), strict=True))
         seen = [found for found in self._defects if found[1] != "offset" or is_offset[found[0]]]
         findings = tuple(Finding(kind, text) for _, kind, text in seen)
@@ -90,14 +87,16 @@ class Settings:
 
     Attributes
     ----------
+    reference : {"velocity", "angle"}
+        What is measured of the shaft; empty before the first samples.
     shaft_fs : float
         Sampling rate of the shaft reference [Hz].
     groups : mapping of float to sequence of int
         Sampling rates [Hz], each with the channels that have it.
     names : sequence of str
         Names of the channels.
-    theta_s, direction, min_speed, max_rest, ratio
-        As for `OrderResampler`.
+    resampler : OrderResampler
+        Strokes, and the angles of the samples.
     max_speed : float
         Highest speed of the measured shaft [rad/s].
     plan : SegmentPlan
@@ -109,21 +108,21 @@ class Settings:
         Samples of a channel or the shaft before those that are processed next.
     most_held : int
         Samples of a channel that may be held.
+    rounding : float
+        Samples, by which a time in seconds may miss a sample.
     """
 
+    reference: str
     shaft_fs: float
     groups: Mapping[float, Sequence[int]]
     names: Sequence[str]
-    theta_s: float
-    direction: str
-    min_speed: float
-    max_rest: float | None
-    ratio: float
+    resampler: OrderResampler
     max_speed: float
     plan: SegmentPlan
     waiting: int = 2 * 8192 + 64
     margin: int = 40
     most_held: int = 1 << 22
+    rounding: float = 1e-6
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -163,7 +162,7 @@ class StrokePowers(SectionCutter, Resumable):
     def __init__(self, settings: Settings, group: int, factor: int) -> None:
         super().__init__(settings.plan.n_per_segment, settings.plan.step)
         self._plan, self.group, self.factor = settings.plan, group, factor
-        self.spreading = Spreading(settings.rates[group], factor, settings.theta_s)
+        self.spreading = Spreading(settings.rates[group], factor, settings.resampler.theta_s)
         self.total: Any = 0.0
         self.count = 0
 
@@ -182,8 +181,6 @@ class SpectrumStream(Resumable):
     ----------
     settings : Settings
         What the spectra depend on.
-    reference : {"velocity", "angle"}
-        What is measured of the shaft.
 
     Attributes
     ----------
@@ -193,37 +190,35 @@ class SpectrumStream(Resumable):
         The channels, by sampling rate as in `Settings.groups`.
     quality : StreamQuality
         Speeds, revolutions and levels; complete after `finish`.
-    n_held : int
-        Most samples of a channel that were held when some were last processed.
     """
 
-    held = ("shaft", "signals", "quality", "n_held", "_sums", "_counts", "_longest", "_due")
+    held = ("shaft", "signals", "quality", "_sums", "_counts", "_longest", "_due")
 
-    def __init__(self, settings: Settings, reference: str) -> None:
+    def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        motion = settings.shaft_fs, settings.min_speed, settings.max_rest
-        self.shaft = ShaftStream(reference, *motion, self._new_powers)
+        motion = settings.shaft_fs, settings.resampler.min_speed, settings.resampler.max_rest
+        self.shaft = ShaftStream(settings.reference, *motion, self._new_powers)
         self.signals = [HeldRows(len(group)) for group in settings.groups.values()]
         shape = len(settings.names), len(settings.kinds)
         self._sums = np.zeros((*shape, settings.plan.n_orders))
         self._counts = np.zeros((*shape, 1))
         self._longest = np.zeros(len(settings.kinds), int)  # outputs
-        self._fastest = max(settings.rates)
         self.quality = StreamQuality(settings.names)
         self._due = settings.waiting  # samples at the fastest rate, at which some are processed
-        self.n_held = 0
+
+    @property
+    def inputs(self) -> list[HeldRows]:
+        """The samples of the channels, by group, and of the shaft reference."""
+        return [*self.signals, self.shaft.measured]
 
     def append(self, streams: Sequence[Array]) -> None:
         """Add the next samples of the channels, by group, and of the shaft; process what is due."""
-        inputs = [*self.signals, self.shaft.measured]
-        for held, block in zip(inputs, streams, strict=True):
+        for held, block in zip(self.inputs, streams, strict=True):
             held.append(block)
-        n_times = max(held.length for held in inputs)
+        n_times = max(held.length for held in self.inputs)
         if n_times >= self._due:
-            first = self._process(ended=False)
-            # Where little could be processed, as in a rest, it is not tried again with every block.
-            waiting = self._settings.waiting
-            self._due = max(int(first * self._fastest), n_times - waiting // 2) + waiting
+            self._process(ended=False)
+            self._due = n_times + self._settings.waiting
 
     def finish(self) -> Array:
         """End the recording, and return its spectra, shape (n_channels, [n_directions,] n_orders).
@@ -231,7 +226,7 @@ class SpectrumStream(Resumable):
         Raises
         ------
         ValueError
-            If no stroke (of one direction) is as long as a segment, or powers overflow.
+            If no stroke (of one direction) is as long as a segment.
         """
         self._process(ended=True)
         plan = self._settings.plan
@@ -242,8 +237,6 @@ class SpectrumStream(Resumable):
                     f"one has {longest / plan.samples_per_rev:.4g}."
                 )
         spectra = plan.spectrum_of(self._sums / self._counts, 1)
-        if not np.all(np.isfinite(spectra)):
-            raise ValueError("a power exceeds the range of float64. State signals in other units.")
         return spectra if plan.by_direction else spectra[:, 0]
 
     def _new_powers(self, direction: int) -> dict[str, StrokePowers]:
@@ -253,20 +246,17 @@ class SpectrumStream(Resumable):
         known before its end, all densities that are still possible are processed.
         """
         settings = self._settings
-        if direction not in DIRECTIONS[settings.direction]:
+        if direction not in DIRECTIONS[settings.resampler.direction]:
             return {}
-        highest = settings.ratio * settings.max_speed * (1 + 1e-9)
+        highest = settings.resampler.ratio * settings.max_speed * (1 + 1e-9)
         return {
             f"group {k}, factor {factor}": StrokePowers(settings, k, factor)
             for k, fs in enumerate(settings.groups)
-            for factor in range(1, upsampling(fs, highest, settings.theta_s) + 1)
+            for factor in range(1, upsampling(fs, highest, settings.resampler.theta_s) + 1)
         }
 
-    def _process(self, *, ended: bool) -> float:
-        """Advance all strokes, and forget those that are complete and samples of the past.
-
-        Returns the time of the first sample that is still needed [s].
-        """
+    def _process(self, *, ended: bool) -> None:
+        """Advance all strokes, and forget those that are complete and samples of the past."""
         for group, held in zip(self._settings.groups.values(), self.signals, strict=True):
             self.quality.add_samples(group, held)
         self.shaft.advance(ended=ended)
@@ -274,14 +264,15 @@ class SpectrumStream(Resumable):
             if growing.powers:
                 self._advance(growing, ended=ended)
         self.shaft.strokes = [s for s in self.shaft.strokes if s.powers or not s.complete]
-        return self._forget()
+        self._forget()
 
     def _advance(self, growing: GrowingStroke, *, ended: bool) -> None:
         """Process what is known of a stroke, and take up its powers if that is all of it."""
         settings, powers, complete = self._settings, growing.powers, growing.complete
-        path = self.shaft.path(growing, settings.ratio)
+        theta_s = settings.resampler.theta_s
+        path = self.shaft.path(growing, settings.resampler.ratio)
         if complete:
-            kind, n_angles = self._kind(path), path.count(settings.theta_s)
+            kind, n_angles = self._kind(path), path.count(theta_s)
             self._longest[kind] = max(self._longest[kind], n_angles)
             if n_angles < settings.plan.n_per_segment:
                 powers.clear()  # no segment lies in it
@@ -289,7 +280,7 @@ class SpectrumStream(Resumable):
             return
         if powers:
             _check_reversal(path)
-        needed = [upsampling(fs, path.fastest, settings.theta_s) for fs in settings.groups]
+        needed = [upsampling(fs, path.fastest, theta_s) for fs in settings.groups]
         for name, each in list(powers.items()):
             if each.factor < needed[each.group] or (complete and each.factor > needed[each.group]):
                 del powers[name]
@@ -317,23 +308,20 @@ class SpectrumStream(Resumable):
             self._counts[place] += powers.count
         growing.powers.clear()
         if path.length > 0:
-            speeds = settings.ratio * growing.slowest, settings.ratio * growing.fastest
-            self.quality.add_stroke(path, *speeds)
+            ratio = settings.resampler.ratio
+            self.quality.add_stroke(path, ratio * growing.slowest, ratio * growing.fastest)
 
-    def _forget(self) -> float:
+    def _forget(self) -> None:
         """Drop samples that are not needed any more."""
         shaft, margin = self.shaft, self._settings.margin
-        needed, n_held = [(shaft.n_examined - 1) / shaft.fs], [0]
+        needed = [(shaft.n_examined - 1) / shaft.fs]
         for growing in shaft.strokes:
             for powers in growing.powers.values():
                 needed.append(powers.spreading.needed_from(growing.stroke.start / shaft.fs))
-                n_held.append(powers.spreading.n_held)
         first = min(needed)
         shaft.drop(int(first * shaft.fs) - margin)
         for held, fs in zip(self.signals, self._settings.groups, strict=True):
             held.drop(int(first * fs) - margin)
-        self.n_held = max(*n_held, *(held.n_held for held in [*self.signals, shaft.measured]))
-        return first
 
 
 def _check_reversal(path: ShaftPath) -> None:

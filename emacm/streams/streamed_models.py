@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import suppress
-from copy import deepcopy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,8 +11,6 @@ from numpy.typing import NDArray
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
-from emacm.alarms.control_charts import CUSUM, EWMA
-from emacm.alarms.input_alarms import InputAlarm
 from emacm.decisions.pipelines import search_estimator
 from emacm.decisions.risks import LeastRiskMixin
 from emacm.orders.bin_transformer import collected_statements
@@ -26,86 +22,36 @@ from emacm.resampling.training_range import outside_range
 from emacm.streams.packed_state import Resumable
 
 Array = NDArray[np.floating]
-_COST = "expected_cost"
 
 
 class ReadingAlarms(Resumable):
-    """Alarms on the readings of a model.
+    """Alarms on readings that a model cannot judge.
 
     Parameters
     ----------
-    model : StreamedModel
-        The model.
-    charts : mapping of str to EWMA or CUSUM, or None
-        Fitted charts by the name of a feature, or "expected_cost".
-
-    Attributes
-    ----------
-    charts : dict of str to str
-        By their name, what must agree for their state to be continued.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a name is unknown, or a chart is not fitted on one column.
+    unknown : label
+        Decision that is an alarm.
+    typicality : float, default=0.01
+        Typicality at or below which a reading is untypical.
+    consecutive : int, default=2
+        Successive untypical readings that give an alarm.
     """
 
-    held = ("_input", "_charts")
+    held = ("_n_untypical",)
 
-    def __init__(self, model: StreamedModel, charts: Mapping[str, EWMA | CUSUM] | None) -> None:
-        if not isinstance(charts, Mapping | None):
-            raise TypeError(f"alarms must map features to charts, got {charts!r}.")
-        charts = charts or {}
-        self._charts = deepcopy(list(charts.values()))  # each monitor continues its own
-        self.charts: dict[str, str] = {}
-        self._features = model.feature_names() if charts else []
-        for name, chart in charts.items():
-            if name not in (_COST, *self._features):
-                shown = ", ".join(map(repr, self._features[:8]))
-                raise ValueError(
-                    f"alarms must name features or {_COST!r}, got {name!r}; the features are "
-                    f"{shown}{', ...' if len(self._features) > 8 else ''}."
-                )
-            if not isinstance(chart, EWMA | CUSUM) or not hasattr(chart, "mean_"):
-                raise TypeError(f"alarms[{name!r}] must be a fitted EWMA or CUSUM, got {chart!r}.")
-            if chart.n_features_in_ != 1:
-                raise ValueError(
-                    f"alarms[{name!r}] must be fitted on one column, {name!r}, got a chart of "
-                    f"{chart.n_features_in_} columns."
-                )
-            self.charts[name] = chart.state()["chart"]
-        unknown = getattr(model.classifier, "unknown", None)
-        self._input = InputAlarm(unknown="unknown" if unknown is None else unknown)
+    def __init__(self, unknown: Any, *, typicality: float = 0.01, consecutive: int = 2) -> None:
+        self._unknown, self._typicality, self._consecutive = unknown, typicality, consecutive
+        self._n_untypical = 0
 
     def update(self, reading: Reading) -> tuple[str, ...]:
-        """Return the alarms of the next reading, in words.
-
-        Parameters
-        ----------
-        reading : Reading
-            The reading.
-
-        Returns
-        -------
-        tuple of str
-        """
-        names = ("decision", "typicality", "error")
-        row: dict[str, Any] = {name: getattr(reading, name) for name in names}
-        reasons = self._input.reasons(row | {"outside_training": reading.defects})
-        found = ["; ".join(reasons)] if reasons else []
-        values: dict[str, Any] = {_COST: reading.expected_cost}
-        if reading.features is not None:
-            values |= dict(zip(self._features, reading.features, strict=False))
-        for name, chart in zip(self.charts, self._charts, strict=True):
-            value = values.get(name)
-            if value is None:
-                continue
-            if not np.isfinite(value):  # such as the logarithm of a channel without power
-                found.append(f"{type(chart).__name__} of {name}: the value is {value}")
-                continue
-            statistic, alarm = chart.update(np.array([[value]]))
-            if alarm.any():
-                found.append(f"{type(chart).__name__} of {name}: {float(statistic[0, 0]):.3g}")
+        """Return the alarms of the next reading, in words."""
+        found = [*filter(None, [reading.error]), *reading.defects]
+        if reading.decision == self._unknown:
+            found.append("unknown state")
+        is_untypical = reading.typicality is not None and reading.typicality <= self._typicality
+        self._n_untypical = self._n_untypical + 1 if is_untypical else 0
+        if self._n_untypical >= self._consecutive:
+            found.append(f"{self._n_untypical} successive untypical readings")
         return tuple(found)
 
 
@@ -138,8 +84,8 @@ class Reading:
         `emacm.outside_training` states it of the finished recording: speeds, revolutions, sampling
         rates, and levels.
     complete : bool
-        False for the reading of an unfinished interval: it has no alarms, states no new spectral
-        lines, and is no reading of the charts.
+        False for the reading of an unfinished interval: it has no alarms, and states no new
+        spectral lines.
     defects : tuple of str
         Defects of channels that those of the training do not have, what is far outside the
         training, and new spectral lines. Each is an alarm.
@@ -151,11 +97,11 @@ class Reading:
 
     start: float
     time: float
-    features: Array | None = field(repr=False)
-    posterior: dict[Any, float]
-    decision: Any
-    risk: dict[Any, float]
-    typicality: float | None
+    features: Array | None = field(default=None, repr=False)
+    posterior: dict[Any, float] = field(default_factory=dict)
+    decision: Any = None
+    risk: dict[Any, float] = field(default_factory=dict)
+    typicality: float | None = None
     alarms: tuple[str, ...] = ()
     outside_training: tuple[str, ...] = ()
     complete: bool = True
@@ -201,12 +147,17 @@ class StreamedModel:
             )
         check_is_fitted(model)
         steps = [step for step in _flattened(model) if not isinstance(step, SignalCache)]
-        first, second = [*steps, None, None][:2]
-        if not isinstance(first, OrderResampler):
-            raise ValueError(_refusal(first, "OrderResampler", "first"))
-        if not isinstance(second, OrderPSD):
-            raise ValueError(_refusal(second, "OrderPSD", "second"))
-        self.resampler, self.psd = first, second
+        self.resampler, self.psd = [*steps, None, None][:2]
+        for place, step, kind in (
+            ("first", self.resampler, OrderResampler),
+            ("second", self.psd, OrderPSD),
+        ):
+            if not isinstance(step, kind):
+                raise ValueError(
+                    f"the {place} step of the model must be {kind.__name__}, got "
+                    f"{type(step).__name__}, which needs whole recordings. A stream is processed "
+                    f"by {_CHAIN} and a classifier; apply other models to recordings with score."
+                )
         self._check_options()
         self.classifier = steps.pop() if hasattr(steps[-1], "predict_proba") else None
         self._transformers = steps[2:]
@@ -236,54 +187,46 @@ class StreamedModel:
             for transformer in self._transformers:
                 table = transformer.transform(table)
         outside = outside_range(quality, self.resampler.training_range_, {})
-        texts = tuple(statement.text for statement in outside)
-        lines = tuple(new_lines[0]) if complete else ()
+        texts = [statement.text for statement in outside]
+        lines = new_lines[0] if complete else []
         usual = self.resampler.training_findings_
         defects = [found.text for found in quality.findings if found.kind not in usual]
         defects += [statement.text for statement in outside if statement.severe]
-        reading = Reading(
-            *(start, time, np.asarray(table)[0], {}, None, {}, None, (), texts, complete),
-            defects=tuple(defects) if complete else (),
+        return Reading(
+            start,
+            time,
+            np.asarray(table)[0],
+            **self._decided(table),
+            outside_training=tuple(texts or lines),
+            complete=complete,
+            defects=(*defects, *lines) if complete else (),
             fastest=quality.row["fastest"],
         )
+
+    def _decided(self, table: Any) -> dict[str, Any]:
+        """Return the fields of a reading that the classifier states."""
+        found: dict[str, Any] = {}
         final = self.classifier
         if final is None:
-            return reading
+            return found
         probabilities, states = final.predict_proba(table), final.classes_
         if isinstance(final, LeastRiskMixin):
             probabilities, states = final.truth_proba(table, probabilities), final.truths_
-        typicality, risk = None, {}
+        found["posterior"] = _labelled(states, probabilities[0])
+        (found["decision"],) = np.asarray(final.predict(table)).tolist()
+        if hasattr(final, "risk"):
+            found["risk"] = _labelled(final.decisions_, final.risk(table)[0])
         if hasattr(final, "typicality"):
             with suppress(ValueError):  # the model has no typicality
-                typicality = float(final.typicality(table)[0])
-        if hasattr(final, "risk"):
-            risk = _labelled(final.decisions_, final.risk(table)[0])
-        (decision,) = np.asarray(final.predict(table)).tolist()
-        return replace(
-            reading,
-            posterior=_labelled(states, probabilities[0]),
-            decision=decision,
-            risk=risk,
-            typicality=typicality,
-            defects=(*reading.defects, *lines),
-            outside_training=texts or lines,
-        )
+                found["typicality"] = float(final.typicality(table)[0])
+        return found
 
     def digest(self) -> str:
         """Return the digest of the parameters and the fitted values of all steps."""
         return model_digest([self.resampler, self.psd, *self._transformers, self.classifier])
 
-    def feature_names(self) -> list[str]:
-        """Return the names of the features."""
-        names = self.psd.get_feature_names_out()
-        for transformer in self._transformers:
-            names = transformer.get_feature_names_out(names)
-        return list(names)
-
     def _check_options(self) -> None:
         resampler, psd = self.resampler, self.psd
-        if not hasattr(psd, "theta_s_") or psd.theta_s_ is None:
-            raise ValueError("OrderPSD was fitted on plain rows; a stream needs recordings.")
         refused = {
             "antialias=False of OrderResampler": not resampler.antialias,
             "direction='travel' of OrderResampler": resampler.direction == "travel",
@@ -304,14 +247,6 @@ def _flattened(model: Pipeline) -> list[Any]:
         elif step is not None and step != "passthrough":
             steps.append(step)
     return steps
-
-
-def _refusal(step: Any, wanted: str, place: str) -> str:
-    return (
-        f"the {place} step of the model must be {wanted}, got {type(step).__name__}, which needs "
-        f"whole recordings. A stream is processed by {_CHAIN} and a classifier; apply other models "
-        f"to finished recordings with score."
-    )
 
 
 def _labelled(labels: Any, values: Any) -> dict[Any, float]:

@@ -17,11 +17,11 @@ def readings(seed, n_readings, shift=0.0):
 def test_the_chart_of_readings_is_drawn_without_changing_the_alarm(chart):
     chart.fit(readings(0, 70))
     chart.update(readings(1, 9))
-    state = chart.state()
+    state = chart.statistic_.tolist()
     later = readings(2, 20, shift=1.0)
     times = np.arange(20) * 2.5
     shown = AlarmDisplay.from_estimator(chart, later, times, ax=Figure().subplots())
-    assert chart.state() == state
+    assert chart.statistic_.tolist() == state
     expected = chart.reset().update(later)
     np.testing.assert_array_equal(shown.frame()["statistic"], expected.statistic[:, 0])
     np.testing.assert_array_equal(shown.frame()["alarm"], expected.alarm[:, 0])

@@ -1,13 +1,12 @@
 """Facts about the formats of records for other programs, by parsers that are not ours."""
 
 import io
-import json
 import re
 
 import pytest
 
 from emacm.history.records import record_of
-from emacm.history.sinks import JsonLines, PrometheusFile, sink_of, sinks_of
+from emacm.history.sinks import PrometheusFile, sink_of, sinks_of
 from emacm.history.sqlite_history import History
 
 NASTY = ["pump 3", 'a,b=c "d" e', "back\\slash\\", "two\nlines\t", "ü°\udcff", "#{x}", "\\n", "+/#"]
@@ -139,11 +138,6 @@ def test_open_alarms_are_counted_also_those_from_before(tmp_path):
         assert gauges(path)["emacm_open_alarms", ("unit", "a")] == counted[-1]
     history.close()
     assert counted == [1, 1, 0]
-
-
-def test_json_lines_are_the_records(capsys):
-    JsonLines().write(a_record("ü\n"))
-    assert json.loads(capsys.readouterr().out) == a_record("ü\n")
 
 
 @pytest.mark.parametrize(

@@ -140,7 +140,7 @@ def test_nothing_is_lost_when_the_broker_is_killed_and_started_again(broker, tmp
     base = tmp_path / "h.sqlite"
     with broker.started() as first, subscriber(broker, tmp_path) as messages:
         records, history = list(some_records(300)), History(base)
-        sinks = [MqttSink(broker.url, history, patience=60), history]
+        sinks = [history, MqttSink(broker.url, history, patience=60)]
         for number, record in enumerate(records):
             if number == 100:
                 until(lambda: len(messages()) > 20)
@@ -151,7 +151,7 @@ def test_nothing_is_lost_when_the_broker_is_killed_and_started_again(broker, tmp
         assert int(queried(base, "SELECT count(*) FROM unsent")) >= 200
         with broker.started():
             until(lambda: answers(broker.port))
-            for sink in sinks:
+            for sink in reversed(sinks):
                 sink.close()
             until(lambda: len({message["id"] for _, message in messages()}) == 300)
             found = {message["id"]: (topic, message) for topic, message in messages()}
@@ -164,7 +164,7 @@ def test_nothing_is_lost_when_the_broker_is_killed_and_started_again(broker, tmp
 
 def test_records_of_an_outage_are_sent_by_the_next_process_in_their_order(broker, tmp_path):
     history, records = History(tmp_path / "h.sqlite"), list(some_records(40, alarms=True))
-    history.write_all(records)
+    history.write(*records)
     (text,) = warned(MqttSink(broker.url, history, at_once=10, patience=0.5), records)
     assert "cannot be reached" in text
     assert "h.sqlite" in text

@@ -44,7 +44,6 @@ def test_coverage_counts_units_and_not_readings():
         (lambda: coverage_by_unit([1.0], [0.0, 0.0], [1.0], ["A"]), "of the same length"),
         (lambda: coverage_by_unit([1.0, 1], [0.0, 3], [1.0, 2], "AB"), "got 3 and 2 in row 1"),
         (lambda: coverage_by_unit([1.0], [np.nan], [1.0], ["A"]), "got nan and 1 in row 0"),
-        (lambda: coverage_by_unit([1.0], [0], [1], ["A"], confidence=1), "confidence must be"),
     ],
 )
 def test_invalid_values_are_refused(call, message):
