@@ -21,13 +21,13 @@ from emacm.streams.spectrum_stream import Settings, SpectrumStream
 from emacm.streams.streamed_models import Reading, ReadingAlarms, StreamedModel
 
 _ON = (
-    "Nothing of this block was taken: repair the samples and push them again, or flush() and go on "
-    "after them."
+    "Nothing of this block, and of short ones collected with it, was taken: repair the samples and "
+    "push them again, or flush() and go on after them."
 )
 
 
 class StreamInput(Resumable):
-    """Checks blocks of samples, and unwraps wrapped angles.
+    """Collects short blocks of samples, checks them together, and unwraps wrapped angles.
 
     Parameters
     ----------
@@ -37,21 +37,60 @@ class StreamInput(Resumable):
         Rates and channels (of `names`), and highest speed of the shaft.
     wrapped : bool
         Whether angles are wrapped at 2π.
+    short : float
+        Blocks are collected until they are as long as this [s].
+
+    Attributes
+    ----------
+    n_collected : int
+        Samples of the shaft that were collected, and not checked yet.
     """
 
-    held = ("_last", "_turns")
+    held = ("_last", "_turns", "_collected", "n_collected")
 
     def __init__(
-        self, channels: Sequence[str], names: Sequence[str], settings: Settings, wrapped: bool
+        self,
+        channels: Sequence[str],
+        names: Sequence[str],
+        settings: Settings,
+        wrapped: bool,
+        *,
+        short: float = 0.05,
     ) -> None:
         self._channels, self._names = channels, names
         self._settings, self._wrapped = settings, wrapped
+        one_rate = len({*settings.rates}) == 1  # of the channels and the shaft
+        self._n_short = int(short * settings.shaft_fs) if one_rate else 0
         self.reset()
 
     def reset(self) -> None:
         """Begin another recording."""
         self._last: Samples = np.empty(0)  # the last angle, as measured
         self._turns = 0  # to be added to it
+        self._collected: list[Samples] = []
+        self.n_collected = 0
+
+    def collect(self, signals: Any, shaft: Any) -> bool:
+        """Keep a copy of a short block of arrays of equal lengths; tell whether it was kept."""
+        if type(shaft) is not np.ndarray or shaft.size + self.n_collected >= self._n_short:
+            return False
+        rows = signals
+        if isinstance(signals, Mapping):
+            rows = [signals.get(name) for name in self._channels]
+        if len(rows) != len(self._channels) or any(
+            type(row) is not np.ndarray or row.shape != shaft.shape or row.dtype.kind not in "iuf"
+            for row in (*rows, shaft)
+        ):
+            return False
+        self._collected.append(np.array([*rows, shaft], np.float64))
+        self.n_collected += shaft.size
+        return True
+
+    def collected(self) -> Samples:
+        """Return what was collected, the shaft as the last row, and begin to collect again."""
+        block = np.concatenate(self._collected, axis=1)
+        self._collected, self.n_collected = [], 0
+        return block
 
     def checked(
         self, signals: Any, shaft: Any, reference: str, times: Sequence[float]
@@ -148,9 +187,11 @@ _PARTS = ("input", "alarms", "cutter", "stream")
 class OrderMonitor:
     """Apply a fitted model to signals while they are measured.
 
-    Samples are accepted in blocks of any length. The features of a reading are those that the model
-    computes of a `Recording` of the same samples, whatever the blocks are. Only what later results
-    depend on is held: some 25,000 samples of each channel, and a few segments.
+    Samples are accepted in blocks of any length. Blocks of arrays of one rate that are shorter than
+    50 ms are collected until they are as long, and then checked and processed together. The
+    features of a reading are those that the model computes of a `Recording` of the same samples,
+    whatever the blocks are. Only what later results depend on is held: some 25,000 samples of each
+    channel, and a few segments.
 
     Parameters
     ----------
@@ -257,7 +298,7 @@ class OrderMonitor:
     @property
     def time(self) -> float:
         """Time up to which all channels of the model and the shaft were received [s]."""
-        return min(self._times(self._origin))
+        return min(self._times(self._origin)) + self._input.n_collected / self._shaft_fs
 
     def push(
         self,
@@ -295,12 +336,11 @@ class OrderMonitor:
         reference = "velocity" if angle is None else "angle"
         self._check_reference(reference, velocity, angle)
         shaft = velocity if angle is None else angle
+        if time is None and self._reference and self._input.collect(signals, shaft):
+            return []
+        self._take_collected()
         origin = self._checked_time(time)
-        self._check_memory()
-        streams = self._input.checked(signals, shaft, reference, self._times(origin))
-        if not self._reference:
-            self._begin(reference, origin)
-        self._cutter.append(streams)
+        self._take(signals, shaft, reference, origin)
         return self._advance()
 
     def flush(self, *, complete: bool | None = None) -> list[Reading]:
@@ -325,6 +365,7 @@ class OrderMonitor:
         """
         if not self._reference:
             return []
+        self._take_collected()
         readings = self._advance()
         labels = [f"channel {self._names[group[0]]!r}" for group in self._groups.values()]
         received = zip(self._cutter.rows, self._settings.rates, strict=True)
@@ -407,6 +448,20 @@ class OrderMonitor:
         slowest = min(*self._rates.values(), self._shaft_fs)
         self._cutter = IntervalCutter(self._settings, slowest, self._every, self._unit == "s")
         self._stream = SpectrumStream(self._settings)
+
+    def _take(self, signals: Any, shaft: Any, reference: str, origin: float) -> None:
+        """Check a block, and add it to the samples of the recording, which may begin with it."""
+        self._check_memory()
+        streams = self._input.checked(signals, shaft, reference, self._times(origin))
+        if not self._reference:
+            self._begin(reference, origin)
+        self._cutter.append(streams)
+
+    def _take_collected(self) -> None:
+        """Take the short blocks that were collected."""
+        if self._input.n_collected:
+            *signals, shaft = self._input.collected()
+            self._take(signals, shaft, self._reference, self._origin)
 
     def _advance(self) -> list[Reading]:
         """Process the samples that are known to belong to an interval."""

@@ -381,6 +381,18 @@ def test_invalid_samples_are_refused_with_their_time_and_nothing_is_taken(fitted
     assert monitor.time == pytest.approx(3.55)
 
 
+def test_short_blocks_are_checked_together_and_count_before(fitted):
+    model, recording = fitted
+    monitor, signals, speed = monitor_of(model, recording), np.ones((2, 2)), np.full(2, 20.0)
+    for k in range(60):
+        monitor.push(signals, velocity=speed)
+        assert monitor.time == pytest.approx((k + 1) / 1000)
+    monitor.push(signals * np.nan, velocity=speed)
+    with pytest.raises(ValueError, match=r"is nan at 0\.060000 s.*and of short ones collected"):
+        monitor.push(block(), velocity=np.full(100, 20.0))
+    assert monitor.time == pytest.approx(0.051)
+
+
 def test_an_angle_that_jumps_is_refused_also_between_blocks(fitted):
     model, recording = fitted
     monitor = monitor_of(model, recording)
