@@ -257,7 +257,7 @@ class SegmentPlan:
             return np.concatenate([part.real**2 + part.imag**2 for part in lines], axis=1)
         loops, length = _kernels.loops, self.n_per_segment
         total = np.zeros((len(section), self.n_orders))
-        n_rows = max(1, loops.BLOCKS.segment_bytes // (8 * length))  # less memory for long segments
+        n_rows = max(1, loops.SEGMENT_BYTES // (8 * length))  # less memory for long segments
         for row in range(0, len(section), n_rows):
             rows = slice(row, row + n_rows)
             for transforms in self._transforms(section[rows], n_segments):
@@ -270,7 +270,7 @@ class SegmentPlan:
         loops, length, linear = _kernels.loops, self.n_per_segment, self.detrend == "linear"
         if section.dtype != np.float64 or not section.flags.c_contiguous:  # what is read only
             section = np.ascontiguousarray(section, np.float64)
-        at_once = max(1, loops.BLOCKS.segment_bytes // (8 * length * len(section)))
+        at_once = max(1, loops.SEGMENT_BYTES // (8 * length * len(section)))
         window = np.ones(length) if linear else self.weights
         for start in range(0, n_segments, at_once):
             segments = np.empty((len(section), min(at_once, n_segments - start), length))

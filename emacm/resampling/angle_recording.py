@@ -311,7 +311,7 @@ def interpolated(
     loops = _kernels.loops
     # Less at once where the angle grid is dense, so that it takes no more memory than the signals;
     # a spline needs ten times the memory of its samples.
-    at_once = loops.BLOCKS.interpolated // (1 if interpolation == "linear" else 4)
+    at_once = loops.INTERPOLATED_AT_ONCE // (1 if interpolation == "linear" else 4)
     at_once = max(2, int(at_once / max(1.0, path.fastest / (fs * theta_s))))
     for start, stop in _parts(first, last - 1, at_once):
         stop += 1  # the sample that the next part begins with

@@ -32,7 +32,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from emacm import _kernels
-from emacm.shaft.motion import Series, ShaftPath
+from emacm.shaft.motion import Series, ShaftPath, mirrored
 
 
 @dataclass(frozen=True)
@@ -199,7 +199,7 @@ class Spreading:
         # Less at once where the angle grid is dense, so that it takes no more memory than the
         # signals.
         density = 4 * path.fastest / (self._fs * self._factor * self._theta_s)
-        at_once = max(1, int(grid.loops.BLOCKS.spread / max(1.0, density)) // part) * part
+        at_once = max(1, int(grid.loops.SPREAD_AT_ONCE / max(1.0, density)) // part) * part
         while self._next < last:
             stop = min(self._next + at_once, last)
             resampled = [grid.add(self._dense_block(rows, path, stop, complete and stop == last))]
@@ -392,8 +392,8 @@ class FineGrid:
         outputs = np.empty((len(self.means), n_angles - self._done))
         if outputs.shape[1]:
             self._use(DESIGN.first + 2 * (outputs.shape[1] - 1) + 1 + 2 * DESIGN.half)
-            held, taps = (self._grid, self._used, DESIGN.first), _decimating_filter()
-            self.loops.decimate(*held, taps, self.means, outputs, 0, outputs.shape[1])
+            filtered = (DESIGN.first, _decimating_filter()), self.means, (outputs, 0)
+            self.loops.decimate(self._grid, self._used, *filtered, outputs.shape[1])
         return outputs
 
     def state(self) -> dict[str, Any]:
@@ -455,11 +455,10 @@ class FineGrid:
         one_part = len(block.travel), np.array([self._used]), np.zeros(1, int)
         self._run(block, (sign / self._step, offset), one_part, (self._grid[:, :0], 0))
 
-    def _run(self, block: Block, place: Any, steps: Any, made: Any) -> None:
+    def _run(self, block: Block, place: Any, parts: Any, made: Any) -> None:
         """Run the inner loop: scale and offset of angles; parts; outputs and those filled."""
-        rows = block.values, self.means, self._grid
-        filtered = DESIGN.first, _decimating_filter()
-        self.loops.resample(block.near, *place, _kernel_halves(), *rows, *steps, *filtered, *made)
+        rows, lowpass = (block.values, self.means, self._grid), (DESIGN.first, _decimating_filter())
+        self.loops.resample(block.near, place, _kernel_halves(), *rows, parts, lowpass, made)
 
     def _use(self, n_points: int) -> None:
         """Have at least so many points in use."""
@@ -515,12 +514,8 @@ def _upsampled(
     """Return samples `start` to `stop` of the rows at `factor` times their rate."""
     low = start // factor - DESIGN.upsampling_half
     high = -(-stop // factor) + DESIGN.upsampling_half + 1
-    last = len(rows[0]) - 1
-    places: Any = slice(low, high)
-    if low < 0 or high > last + 1:  # mirrored at the ends of the recording
-        places = np.abs((np.arange(low, high) + last) % (2 * last) - last)
     wanted = _upsampling_filter(factor), factor, start - low * factor, stop - start
-    return [_kernels.loops.upsample(row[places], *wanted) for row in rows]
+    return [_kernels.loops.upsample(mirrored(row, low, high), *wanted) for row in rows]
 
 
 @lru_cache(maxsize=32)

@@ -112,27 +112,27 @@ class IntegratedAngle(LazySeries):
         self._half_step = 0.5 / fs
         self._velocity = velocity.view()
         self._velocity.flags.writeable = False  # so that one kind of array is compiled for
-        self._known, self._lowest, self._highest = np.empty((3, -(-len(velocity) // _STRIDE)))
-        found = self._known, self._lowest, self._highest
-        velocity = np.ascontiguousarray(self._velocity)
-        _kernels.loops.set_checkpoints(velocity, self._half_step, _STRIDE, *found)
+        known: list[NDArray[np.floating]] = [np.zeros(1)]
+        at_once = 512 * _STRIDE
+        for first in range(0, len(velocity), at_once):
+            angle = self._sums(first, first + at_once + 1, known[-1][-1:], at_once + 1)
+            known.append(angle[_STRIDE::_STRIDE].copy())
+        self._known = np.concatenate(known)
 
     def speed_limit(self, start: int, stop: int) -> float:
         """Return the highest speed from sample `start` to `stop` (exclusive) [rad/s]."""
-        first = min(-(-start // _STRIDE) * _STRIDE, stop)
-        last = max(stop // _STRIDE * _STRIDE, first)
-        pieces = slice(first // _STRIDE, last // _STRIDE)
-        ends = self._velocity[start:first], self._velocity[last:stop]
-        found = *ends, self._highest[pieces], self._lowest[pieces]
-        return max(float(np.abs(speeds).max(initial=0.0)) for speeds in found)
+        velocity = self._velocity[start:stop]
+        return float(max(velocity.max(), -velocity.min()))
 
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return the angles `start` to `stop` (exclusive) [rad]."""
         first = start // _STRIDE
-        velocity = np.ascontiguousarray(self._velocity[first * _STRIDE : stop])
-        angle = np.empty(len(velocity))
-        self._integrate(velocity, self._half_step, self._known[first:], _STRIDE, angle)
+        angle = self._sums(first * _STRIDE, stop, self._known[first:], _STRIDE)
         return angle[start - first * _STRIDE :]
+
+    def _sums(self, start: int, stop: int, starts: Any, stride: int) -> NDArray[np.floating]:
+        velocity = np.ascontiguousarray(self._velocity[start:stop])
+        return self._integrate(velocity, self._half_step, starts, stride)
 
 
 class DifferentiatedVelocity(LazySeries):
@@ -434,6 +434,16 @@ def blocks(series: Series) -> Iterator[tuple[int, Any]]:
     """Yield a series in pieces of at most `BLOCK` samples, each with its first index."""
     for first in range(0, len(series), BLOCK):
         yield first, series[first : first + BLOCK]
+
+
+def mirrored(series: Series, start: int, stop: int) -> NDArray[Any]:
+    """Return samples of a series, and of its mirror images beyond its ends."""
+    last = len(series) - 1
+    if start >= 0 and stop <= last + 1:
+        return np.asarray(series[start:stop])
+    places = np.abs((np.arange(start, stop) + last) % (2 * last) - last)
+    low = int(places.min())
+    return np.asarray(series[low : int(places.max()) + 1])[places - low]
 
 
 def sources(series: Series) -> list[NDArray[Any]]:
