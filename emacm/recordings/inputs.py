@@ -21,7 +21,7 @@ from sklearn.base import TransformerMixin
 from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import located_error, once_hint
+from emacm._checks import located, once_hint
 from emacm._saved import SavedEstimator
 from emacm.recordings.names import check_channel_names as check_channel_names
 from emacm.recordings.names import chosen_channels as chosen_channels
@@ -321,10 +321,8 @@ def _in_dask_task() -> bool:
 
 
 def _located(function: Callable[..., Any], name: Callable[[], str], *values: Any) -> Any:
-    try:
+    with located(name):
         return function(*values)
-    except (TypeError, ValueError) as error:
-        raise located_error(error, name()) from error
 
 
 def _bar() -> Any:

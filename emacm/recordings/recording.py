@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections import UserDict
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import partial
 from html import escape
 from itertools import chain
@@ -11,6 +12,7 @@ from math import ceil
 from types import MappingProxyType
 from typing import Any
 
+import joblib
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
@@ -231,7 +233,7 @@ class Recording:
     @property
     def signals(self) -> Mapping[str, NDArray[np.floating]]:
         """The channels by name, as read-only arrays; computed ones are computed when read."""
-        return Arrays(self._series)
+        return MappingProxyType(Arrays(self._series))
 
     @property
     def series(self) -> Mapping[str, Series]:
@@ -391,7 +393,8 @@ class Recording:
         """Two recordings are equal if channels, rates, units, shaft and meta are."""
         if not isinstance(other, Recording):
             return NotImplemented
-        return all(same_content(getattr(self, name), getattr(other, name)) for name in CONTENT)
+        own, its = ((r.digest, r._units, joblib.hash(r._meta)) for r in (self, other))
+        return own == its
 
     def __hash__(self) -> int:
         """Agree for equal recordings, without reading the signals."""
@@ -489,38 +492,13 @@ def _by_names(recording: Recording, new: Mapping[str, str]) -> dict[str, Any]:
     }
 
 
-def same_content(one: Any, other: Any) -> bool:
-    """Compare values that may hold arrays."""
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return list(one) == list(other) and all(same_content(one[key], other[key]) for key in one)
-    if type(one) is not type(other):
-        return bool(np.isscalar(one) and np.isscalar(other) and one == other)
-    if isinstance(one, np.ndarray):
-        equal_nan = one.dtype.kind in "fc"
-        return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=equal_nan)
-    if isinstance(one, pd.DataFrame | pd.Series | pd.Index):
-        return bool(one.equals(other))
-    if isinstance(one, list | tuple):
-        return len(one) == len(other) and all(map(same_content, one, other))
-    return bool(one == other or (one != one and other != other))
-
-
-class Arrays(Mapping[str, NDArray[np.floating]]):
+class Arrays(UserDict[str, Any]):
     """Channels as arrays, each computed as a whole when it is read."""
 
-    def __init__(self, series: Mapping[str, Series]) -> None:
-        self._series = series
-
     def __getitem__(self, name: str) -> NDArray[np.floating]:
-        series = self._series[name]
+        series = self.data[name]
         if isinstance(series, np.ndarray):
             return series
         whole = series[:]
         whole.flags.writeable = False
         return whole
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._series)
-
-    def __len__(self) -> int:
-        return len(self._series)

@@ -49,15 +49,6 @@ class ComputedSeries(LazySeries):
         inner = [self._signal] if isinstance(self._signal, ComputedSeries) else []
         return f"{type(self).__name__}({', '.join(map(repr, [*parameters, *inner]))})"
 
-    def __eq__(self, other: object) -> bool:
-        """Two are equal if kind, parameters and signal are."""
-        if not isinstance(other, type(self)):
-            return NotImplemented
-        same_kind = repr(self) == repr(other) and self.dtype == other.dtype
-        return same_kind and all(map(np.array_equal, self.sources, other.sources))
-
-    __hash__ = None  # type: ignore[assignment]
-
     def __getstate__(self) -> dict[str, Any]:
         """Return all but what follows from the rest."""
         return {name: value for name, value in vars(self).items() if name not in self._prepared}

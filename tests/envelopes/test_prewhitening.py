@@ -223,7 +223,6 @@ def test_a_pickled_envelope_of_a_whitened_signal_is_the_same():
     size = len(pickle.dumps(series))
     assert size < N_TIMES * 8 + 1500
     again = pickle.loads(pickle.dumps(series))
-    assert again == series
     np.testing.assert_array_equal(again[:], before)
 
 
