@@ -111,8 +111,7 @@ def recalled(
     list of ndarray
     """
     recall = open_memory(memory).cache(_estimated, ignore=["row", "estimate"])
-    known = {item.name: getattr(plan, item.name) for item in fields(plan)}
-    settings = joblib.hash((known, __version__))
+    settings = joblib.hash((vars(plan), __version__))
     keys = [spectrum_key(row, settings) for row in rows]
     first: dict[str, int] = {}
     for index, key in enumerate(keys):

@@ -7,8 +7,8 @@ from scipy import signal as filters
 from sklearn.exceptions import NotFittedError
 
 from emacm import BinTransformer, OrderCrossSpectrum, OrderPSD, OrderResampler, Recording
-from emacm.orders.segment_plan import padded_lines
-from emacm.orders.welch import order_psd, samples_per_revolution, segment_plan
+from emacm.orders.segment_plan import SegmentPlan, padded_lines
+from emacm.orders.welch import order_psd, samples_per_revolution
 
 TURN = 2 * np.pi
 RNG = np.random.default_rng(5)
@@ -199,7 +199,7 @@ def test_the_plan_is_that_of_fit_and_strokes_of_one_sample_are_no_padded_segment
     assert fitted.get_feature_names_out().dtype == object
     with pytest.raises(NotFittedError):
         OrderPSD(2).plan  # noqa: B018
-    plan = segment_plan(32.0, n_per_segment=8, detrend=None)
+    plan = SegmentPlan(32.0, n_per_segment=8, detrend=None)
     short = np.random.default_rng(0).normal(size=(1, 5))
     both = list(padded_lines(plan, [short[:, :1], short]))
     assert len(both) == 1
