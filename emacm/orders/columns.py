@@ -207,12 +207,6 @@ def order_columns(channels: Iterable[str], orders: Iterable[float]) -> tuple[str
     >>> order_columns(["current"], [0, 0.5, 1])
     ('current@0', 'current@0.5', 'current@1')
     """
-    return _order_columns(tuple(channels), tuple(orders))
-
-
-# A search uses the same few axes many times, with thousands of names.
-@lru_cache(maxsize=128)
-def _order_columns(channels: tuple[str, ...], orders: tuple[float, ...]) -> tuple[str, ...]:
     names = [number_name(order) for order in orders]
     return tuple(f"{channel}@{name}" for channel in channels for name in names)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from numbers import Real
 from typing import Any
 
@@ -31,18 +31,13 @@ def check_signals(signals: Any) -> dict[str, NDArray[np.floating]]:
         )
     if not signals:
         raise ValueError("signals is empty; a recording needs at least one channel.")
-    check_are_names(signals)
+    for name in signals:
+        if not isinstance(name, str) or not name:
+            raise TypeError(f"channel names must be non-empty strings, got {name!r}.")
     return {
         name: immutable(check_signal(values, f"channel {name!r}"))
         for name, values in signals.items()
     }
-
-
-def check_are_names(names: Iterable[Any]) -> None:
-    """Raise a TypeError if the name of a channel is no text, or is empty."""
-    for name in names:
-        if not isinstance(name, str) or not name:
-            raise TypeError(f"channel names must be non-empty strings, got {name!r}.")
 
 
 def _refuse_other_columns(columns: Mapping[Any, pd.Series]) -> None:

@@ -20,7 +20,6 @@ from numpy.typing import ArrayLike, NDArray
 from emacm import _kernels
 from emacm._checks import check_number
 from emacm.recordings.arguments import (
-    check_are_names,
     check_durations,
     check_indices,
     check_rates,
@@ -208,16 +207,6 @@ class Recording:
             If `channels` is not a list of channels of the recording, each named once.
         """
         return self._derived(selected_content, channels)
-
-    def rename(self, names: Mapping[str, str]) -> Recording:
-        """Return the recording with other names for its channels, as ``{"X097_DE_time": "DE"}``.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If a name is not a channel, a new name is not a text, or two channels get the same name.
-        """
-        return self._derived(renamed_content, names)
 
     def _derived(self, change: Callable[..., dict[str, Any]], *arguments: Any) -> Recording:
         """Return the recording with the changes of content that a function returns."""
@@ -468,27 +457,10 @@ def selected_content(recording: Recording, channels: Any) -> dict[str, Any]:
     """Return what changes in a recording of which channels are selected."""
     chosen = chosen_channels(channels, recording.channels)
     check_channel_names(recording.channels, chosen, "the recording")
-    return _by_names(recording, dict(zip(chosen, chosen, strict=True)))
-
-
-def renamed_content(recording: Recording, names: Any) -> dict[str, Any]:
-    """Return what changes in a recording whose channels are renamed."""
-    if not isinstance(names, Mapping):
-        raise TypeError(f"names must map channels to new names, got {names!r}.")
-    check_channel_names(recording.channels, list(names), "the recording")
-    new = {name: names.get(name, name) for name in recording.channels}
-    check_are_names(new.values())
-    if len(set(new.values())) < len(new):
-        raise ValueError(f"two channels would have the same name: {list(new.values())}.")
-    return _by_names(recording, new)
-
-
-def _by_names(recording: Recording, new: Mapping[str, str]) -> dict[str, Any]:
-    """Return series, rates and units of the channels in `new`, under their new names."""
     return {
-        "_series": {after: recording.series[name] for name, after in new.items()},
-        "_fs": {after: recording.fs[name] for name, after in new.items()},
-        "_units": {after: recording.units[k] for k, after in new.items() if k in recording.units},
+        "_series": {name: recording.series[name] for name in chosen},
+        "_fs": {name: recording.fs[name] for name in chosen},
+        "_units": {name: recording.units[name] for name in chosen if name in recording.units},
     }
 
 

@@ -91,7 +91,7 @@ def test_envelopes_are_equal_bit_by_bit_and_stay_in_the_file(path):
     [
         lambda recording: recording.cut(0.25, 1.0),
         lambda recording: recording.select(["current"]),
-        lambda recording: recording.rename({"vibration": "DE"}).cut(0.5),
+        lambda recording: recording.select(["vibration"]).cut(0.5),
     ],
 )
 def test_parts_of_a_file_equal_parts_in_memory_and_stay_in_the_file(npz, change):

@@ -124,22 +124,11 @@ def test_channels_are_selected_in_the_order_given():
     assert only.meta == {"unit": "B"}
 
 
-def test_channels_are_renamed_with_rates_and_units():
-    renamed = two_rates().rename({"vibration": "DE"})
-    assert renamed.channels == ("DE", "current")
-    assert dict(renamed.fs) == {"DE": 1200.0, "current": 50.0}
-    assert dict(renamed.units) == {"DE": "g", "current": "A"}
-
-
 @pytest.mark.parametrize(
     ("method", "argument", "error", "message"),
     [
         ("select", ["torque"], ValueError, r"the recording has no channel 'torque'; its channels"),
         ("select", "current", TypeError, r"such as \['current'\]"),
-        ("rename", {"torque": "a"}, ValueError, "has no channel 'torque'"),
-        ("rename", {"vibration": "current"}, ValueError, "two channels would have the same name"),
-        ("rename", {"vibration": 3}, TypeError, "channel names must be non-empty strings"),
-        ("rename", ["vibration"], TypeError, "names must map channels to new names"),
     ],
 )
 def test_invalid_selections_and_names_are_refused(method, argument, error, message):
