@@ -383,11 +383,40 @@ def _plain(array: Any, context: Any, names: tuple[str, ...] | None) -> Any:
     return values[()]  # a number, if it has no dimension
 
 
-class OrderTableTransformer(TransformerMixin, SavedEstimator):
+class NamedColumns(TransformerMixin, SavedEstimator):
+    """Base of transformers that name their columns.
+
+    A subclass sets in `fit` the names of its columns, `_columns_out`, and the names, if any, and
+    the number of those of its input.
+    """
+
+    _columns_out: tuple[str, ...]
+    _names_in: Sequence[Any] | None
+    _n_in: int | None
+
+    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
+        """Return the names of the columns.
+
+        Parameters
+        ----------
+        input_features : array-like of str, optional
+            Names of the input: columns, channels, or the samples of a row. If given, they are
+            compared with those of `fit`.
+
+        Returns
+        -------
+        ndarray of str
+        """
+        check_is_fitted(self)
+        if input_features is not None:
+            check_input_names(input_features, self._names_in, self._n_in)
+        return np.array(self._columns_out, dtype=object)
+
+
+class OrderTableTransformer(NamedColumns):
     """Base of transformers whose input is a table of order spectra.
 
-    A subclass sets `order_step`, or None where the axis always comes from the names of the columns,
-    and `_columns_out` in `fit`.
+    A subclass sets `order_step`, or None where the axis always comes from the names of the columns.
 
     Attributes
     ----------
@@ -398,25 +427,6 @@ class OrderTableTransformer(TransformerMixin, SavedEstimator):
     """
 
     order_step: float | None = None
-    _columns_out: tuple[str, ...]
-
-    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
-        """Return the names of the columns, ``channel@low-high`` or ``channel@name``.
-
-        Parameters
-        ----------
-        input_features : array-like of str, optional
-            Names of the columns; if given, they must be those of `fit`.
-
-        Returns
-        -------
-        ndarray of str
-        """
-        check_is_fitted(self)
-        if input_features is not None:
-            seen = getattr(self, "feature_names_in_", None)
-            check_input_names(input_features, seen, self.n_features_in_)
-        return np.array(self._columns_out, dtype=object)
 
     def _checked_table(self, X: Any, *, reset: bool) -> NDArray[np.floating]:
         """Check spectra; in `fit`, store the names of their columns, else compare them."""
@@ -443,6 +453,8 @@ class OrderTableTransformer(TransformerMixin, SavedEstimator):
             psd = check_array(X, **options)
         else:
             psd = validate_data(self, X, reset=reset, **options)
+        if reset:
+            self._names_in, self._n_in = getattr(self, "feature_names_in_", None), psd.shape[1]
         check_finite_table(psd, "recording", names)
         return psd
 

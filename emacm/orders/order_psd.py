@@ -259,8 +259,7 @@ class OrderPSD(WelchEstimator):
         """Return the rows of X: recordings over shaft angle, or 1-D arrays."""
         if are_over_angle(X):
             return list(X)
-        listed = isinstance(X, str | PurePath | Sequence) or _object_vector(X)
-        rows = as_list(X) if listed else []
+        rows = as_list(X) if isinstance(X, str | PurePath | Sequence) else []
         if any(isinstance(row, AngleRecording | Recording | str | PurePath) for row in rows):
             return as_angle_recordings(rows, "OrderPSD")
         refuse_single(X)
@@ -318,10 +317,6 @@ class OrderPSD(WelchEstimator):
 
 def _named(row: AngleRecording | NDArray[np.floating], index: int) -> str:
     return described(row, index) if isinstance(row, AngleRecording) else f"row {index}"
-
-
-def _object_vector(X: Any) -> bool:
-    return isinstance(X, np.ndarray) and X.ndim == 1 and X.dtype.hasobject
 
 
 def _ragged(rows: list[Any]) -> bool:

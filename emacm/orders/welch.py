@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from inspect import signature
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import TransformerMixin
-from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import (
     check_finite,
     check_number,
     check_real_array,
 )
-from emacm._saved import SavedEstimator
-from emacm.orders.columns import check_input_names
+from emacm.orders.columns import NamedColumns
 from emacm.orders.segment_plan import SegmentPlan
 
 
@@ -94,40 +90,14 @@ def order_psd(
     return plan.orders, psd.reshape(*signal.shape[:-1], plan.n_orders)
 
 
-class WelchEstimator(TransformerMixin, SavedEstimator):
+class WelchEstimator(NamedColumns):
     """Base of the estimators that average over segments of recordings over shaft angle.
 
-    A subclass has options of `SegmentPlan` among its parameters. Its `fit` sets `theta_s_`, calls
-    `_set_plan`, and sets the names of the columns and the attributes of its input.
+    A subclass has options of `SegmentPlan` among its parameters. Its `fit` sets `by_direction_` and
+    calls `_set_plan`.
     """
 
-    theta_s_: float | None
-    orders_: NDArray[np.floating]
-    n_per_segment_: int
-    by_direction: bool | str
     by_direction_: bool
-    _plan: SegmentPlan
-    _columns_out: tuple[str, ...]
-    _names_in: Sequence[str] | None
-    _n_in: int | None
-
-    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
-        """Return the names of the columns.
-
-        Parameters
-        ----------
-        input_features : array-like of str, optional
-            Names of the input: channels, or the samples of a row. If given, they are compared with
-            those of `fit`.
-
-        Returns
-        -------
-        ndarray of str
-        """
-        check_is_fitted(self)
-        if input_features is not None:
-            check_input_names(input_features, self._names_in, self._n_in)
-        return np.array(self._columns_out, dtype=object)
 
     def _set_plan(self, samples_per_rev: float, **changed: Any) -> None:
         """Plan the segments, as the parameters say, and keep the axis."""

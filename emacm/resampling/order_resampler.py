@@ -302,16 +302,10 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
 
     def over_angle(self, recording: Recording, channels: Sequence[str]) -> AngleRecording:
         """Return channels of one recording over the shaft angle, without any check of it."""
+        step, antialias = check_angle_step(self.theta_s), bool(self.antialias)
+        motion = self.direction, float(self.min_speed), float(self.ratio), self.max_rest
         return AngleRecording(
-            recording,
-            tuple(channels),
-            check_angle_step(self.theta_s),
-            interpolation=self.interpolation,
-            antialias=bool(self.antialias),
-            direction=self.direction,
-            min_speed=float(self.min_speed),
-            ratio=float(self.ratio),
-            max_rest=self.max_rest,
+            recording, tuple(channels), step, self.interpolation, antialias, *motion
         )
 
     def _rows(self, X: Any, known: Sequence[str] | None = None) -> list[AngleRecording]:

@@ -303,11 +303,8 @@ class Block(NamedTuple):
 
     def since(self, angle: float) -> Block:
         """Return the samples after the last one up to an angle."""
-        n_times, size = len(self.travel), 1024
-        while size < n_times and self.travel[-size:].min() > angle:  # most often not even once
-            size *= 4
-        passed = np.flatnonzero(self.travel[-size:] <= angle)
-        first = max(0, n_times - size) + int(passed[-1]) + 1 if len(passed) else 0
+        passed, n_times = self.travel[::-1] <= angle, len(self.travel)
+        first = n_times - int(passed.argmax()) if passed.any() else 0
         return self.cut(first, n_times)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,20 +29,6 @@ class Stroke(NamedTuple):
     start: int
     stop: int
     direction: int
-
-
-class Series(Protocol):
-    """An object that can be sliced like a 1-D array."""
-
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        """Type of the samples."""
-
-    def __len__(self) -> int:
-        """Return the number of samples."""
-
-    def __getitem__(self, key: Any) -> Any:
-        """Return a slice as an array, or one sample."""
 
 
 class LazySeries:
@@ -85,10 +71,8 @@ class LazySeries:
         """Return the samples `start` to `stop` (exclusive), which must exist."""
         raise NotImplementedError
 
-    @property
-    def sources(self) -> list[NDArray[Any]]:
-        """The arrays that the samples are computed from."""
-        raise NotImplementedError
+
+Series = NDArray[Any] | LazySeries  # what can be sliced like a 1-D array
 
 
 class IntegratedAngle(LazySeries):
@@ -447,8 +431,8 @@ def mirrored(series: Series, start: int, stop: int) -> NDArray[Any]:
 
 
 def sources(series: Series) -> list[NDArray[Any]]:
-    """Return the arrays that the samples of a series are computed from; an array itself."""
-    return series.sources if isinstance(series, LazySeries) else [np.asarray(series)]
+    """Return the arrays that a series is computed from, if it states them, or itself."""
+    return getattr(series, "sources", None) or [np.asarray(series)]
 
 
 def longest_gap(max_rest: float | None, fs: float) -> float:

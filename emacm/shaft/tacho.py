@@ -112,7 +112,7 @@ class TachoAngle:
         turns = (self.angle[-1] - self.angle[0]) / (2 * np.pi)
         return (
             f"TachoAngle({len(self.angle)} samples, {turns:.4g} revolutions, "
-            f"{_listed(self.missing)} missing, {_listed(self.double)} double)"
+            f"{len(self.missing)} missing, {len(self.double)} double)"
         )
 
 
@@ -181,7 +181,7 @@ def angle_from_pulses(
     --------
     >>> turn = angle_from_pulses([0.0, 0.1, 0.2, 0.4, 0.5, 0.6], fs=20, n_times=13)
     >>> turn
-    TachoAngle(13 samples, 6 revolutions, 1 (at 0.3 s) missing, 0 double)
+    TachoAngle(13 samples, 6 revolutions, 1 missing, 0 double)
     >>> (turn.angle / np.pi).round(6)
     array([ 0.,  1.,  2.,  3.,  4.,  5.,  6.,  7.,  8.,  9., 10., 11., 12.])
     """
@@ -372,8 +372,3 @@ def _interpolated(pulses: Angle, angle: Angle, instants: Angle) -> Angle:
     inside = CubicHermiteSpline(pulses, angle, slopes)(np.clip(instants, pulses[0], pulses[-1]))
     early, late = np.minimum(instants - pulses[0], 0), np.maximum(instants - pulses[-1], 0)
     return inside + slopes[0] * early + slopes[-1] * late
-
-
-def _listed(times: Angle) -> str:
-    shown = ", ".join(f"{time:.6g}" for time in times[:5])
-    return f"{len(times)} (at {shown}{', ...' if len(times) > 5 else ''} s)" if shown else "0"

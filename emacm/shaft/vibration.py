@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import fft, ndimage
+from scipy.integrate import cumulative_trapezoid
 
 from emacm._checks import check_number, check_signal
 from emacm.shaft.phase_refinement import Course, refined_speed
@@ -207,8 +208,7 @@ def angle_from_vibration(
     if not reliable.any():
         raise ValueError(best.refusal)
     velocity = 2 * np.pi * np.interp(times, np.arange(len(speed)) / best.white.fs, speed)
-    steps = (velocity[1:] + velocity[:-1]) / (2 * fs)
-    angle = np.concatenate([[0.0], np.cumsum(steps)])
+    angle = cumulative_trapezoid(velocity, dx=1 / fs, initial=0)
     return VibrationAngle(angle, velocity, Confidence(float(reliable.mean()), reliable))
 
 
