@@ -100,10 +100,9 @@ def interpolate_linear(
     reached: Array, first: int, theta_s: float, signals: list[Array], values: Array
 ) -> None:
     """Interpolate signals linearly at uniform angles, Eq. (2.13) of Chirico."""
-    left, weights = np.empty(values.shape[1], np.int32), np.empty(values.shape[1])
-    _interpolation_weights(*_views([reached]), first, theta_s, left, weights)
+    (reached,) = _views([reached])
     for some, rows in _in_eights(signals):
-        _interpolate_linear(rows, left, weights, values[some])
+        _interpolate_linear(reached, first, theta_s, rows, values[some])
 
 
 def _in_eights(signals: Sequence[Array]) -> Iterator[tuple[slice, tuple[Array, ...]]]:
@@ -269,26 +268,22 @@ def decimate(grid, used, lowpass, means, made, n_outputs):
 
 
 @compiled
-def _interpolation_weights(reached, first, theta_s, left, weights):
-    i, last = 0, len(reached) - 2
+def _interpolate_linear(reached, first, theta_s, signals, values):
+    n_angles, i, last = values.shape[1], 0, len(reached) - 2
+    left, weights = np.empty(n_angles, np.uint32), np.empty(n_angles)
     low, high = reached[0], reached[1]
-    for j in range(len(left)):
+    for j in range(n_angles):
         angle = theta_s * (first + j)
         while i < last and high <= angle:
             i += 1
             low, high = high, reached[i + 1]
         left[j] = i
         weights[j] = 1.0 if angle >= high else 0.0 if angle <= low else (angle - low) / (high - low)
-
-
-@compiled
-def _interpolate_linear(signals, left, weights, values):
     for k in range(len(values)):
         signal, following, row = signals[k], signals[k][1:], values[k]
-        for j in range(len(left)):
-            place = np.uint32(left[j])
-            low = signal[place]
-            row[j] = low + weights[j] * (following[place] - low)
+        for j in range(n_angles):
+            low = signal[left[j]]
+            row[j] = low + weights[j] * (following[left[j]] - low)
 
 
 @compiled

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from hashlib import sha256
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -280,11 +281,9 @@ def _parsed_columns(columns: tuple[Any, ...]) -> tuple[OrderBlock, ...] | None:
             f"all columns or none must be named 'channel@order', but there are {order!r} and "
             f"{stranger!r}. Select the order columns first (for example by a ColumnTransformer)."
         )
-    starts = [i for i in range(len(known)) if i == 0 or known[i][0] != known[i - 1][0]]
-    blocks = []
-    for start, stop in zip(starts, [*starts[1:], len(known)], strict=True):
-        channel = known[start][0]
-        orders = np.array([order for _, order in known[start:stop]])
+    blocks, start = [], 0
+    for channel, entries in groupby(known, key=lambda entry: entry[0]):
+        orders = np.array([order for _, order in entries])
         if np.any(np.diff(orders) <= 0):
             place = start + 1 + int(np.argmax(np.diff(orders) <= 0))
             raise ValueError(
@@ -292,7 +291,8 @@ def _parsed_columns(columns: tuple[Any, ...]) -> tuple[OrderBlock, ...] | None:
                 f"{columns[place - 1]!r}. Restore the order of the columns."
             )
         orders.flags.writeable = False  # it is shared by all callers
-        blocks.append(OrderBlock(channel, orders, slice(start, stop)))
+        blocks.append(OrderBlock(channel, orders, slice(start, start + len(orders))))
+        start += len(orders)
     names = [block.channel for block in blocks]
     if len(set(names)) < len(names):
         raise ValueError(

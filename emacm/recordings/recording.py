@@ -6,7 +6,6 @@ import copy
 from collections import UserDict
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import partial
-from html import escape
 from itertools import chain
 from math import ceil
 from types import MappingProxyType
@@ -349,34 +348,14 @@ class Recording:
 
     def __repr__(self) -> str:
         """Channels, rates, length, revolutions and meta on one line."""
+        revolutions = np.abs(np.diff(self.angle)).sum() / (2 * np.pi)
         parts = [
             ", ".join(f"{name} {rate:g} Hz" for name, rate in self._fs.items()),
             f"{self.reference} {self.shaft_fs:g} Hz",
-            f"{self.duration:.3g} s, {self._revolutions:.3g} revolutions",
+            f"{self.duration:.3g} s, {revolutions:.3g} revolutions",
             ", ".join(f"{key}={value!r}" for key, value in self._meta.items()),
         ]
         return f"Recording({'; '.join(filter(None, parts))})"
-
-    @property
-    def _revolutions(self) -> float:
-        """Revolutions of the shaft, in either direction."""
-        return float(np.abs(np.diff(self.angle)).sum()) / (2 * np.pi)
-
-    def _repr_html_(self) -> str:
-        """Return a table of the channels, the shaft and the meta, for notebooks."""
-        unit, shaft = ("rad", self.angle) if self.reference == "angle" else ("rad/s", self.velocity)
-        series = [(n, self._units.get(n, ""), self._fs[n], self.signals[n]) for n in self.channels]
-        series.append((f"shaft {self.reference}", unit, self.shaft_fs, shaft))
-        titles = ("channel", "unit", "rate [Hz]", "samples", "lowest", "mean", "highest")
-        rows = [
-            (*facts, len(values), values.min(), values.mean(dtype=np.float64), values.max())
-            for *facts, values in series
-        ]
-        numbers = dict.fromkeys(titles[4:], "{:.4g}".format) | {"rate [Hz]": "{:.9g}".format}
-        table = pd.DataFrame(rows, columns=titles).to_html(index=False, formatters=numbers)
-        facts = [f"{self.duration:.6g} s", f"{self._revolutions:.6g} revolutions"]
-        facts += [f"{key}={value!r}" for key, value in self._meta.items()]
-        return f"<p>Recording: {escape(', '.join(facts))}</p>{table}"
 
     def __eq__(self, other: object) -> bool:
         """Two recordings are equal if channels, rates, units, shaft and meta are."""

@@ -76,7 +76,6 @@ def test_a_recording_in_a_file_equals_the_one_in_memory(path):
     assert hash(opened) == hash(in_memory())
     assert opened.digest == in_memory().digest
     assert repr(opened) == repr(in_memory())
-    assert opened._repr_html_() == in_memory()._repr_html_()
 
 
 def test_envelopes_are_equal_bit_by_bit_and_stay_in_the_file(path):
