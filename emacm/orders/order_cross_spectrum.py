@@ -406,7 +406,7 @@ class OrderCrossSpectrum(WelchEstimator):
     def _estimate(self, row: AngleRecording) -> NDArray[np.floating]:
         """Estimate one recording, shape (n_pairs, n_quantities, n_directions, n_orders)."""
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            kinds = row.strokes_by_kind(self._plan.by_direction)
+            kinds = row.strokes_by_kind(self.plan_.by_direction)
             averages = [self._averages(row, strokes, kind) for kind, strokes in kinds]
             columns = np.stack([a.columns(self._kinds, self._form) for a in averages], axis=2)
         if not np.all(np.isfinite(columns)):
@@ -420,7 +420,7 @@ class OrderCrossSpectrum(WelchEstimator):
         self, row: AngleRecording, strokes: Sequence[AngleStroke], kind: str
     ) -> CrossAverages:
         """Average over the strokes that hold a segment, resampling them one block at a time."""
-        plan, peaks = self._plan, np.zeros(len(self.channels_))
+        plan, peaks = self.plan_, np.zeros(len(self.channels_))
         rows = [row.channels.index(name) for name in self.channels_]
         signals = [_with_peaks(stroke.blocks(rows), peaks) for stroke in strokes]
         lengths = [stroke.n_angles for stroke in strokes]

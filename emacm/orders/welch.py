@@ -103,6 +103,6 @@ class WelchEstimator(NamedColumns):
         """Plan the segments, as the parameters say, and keep the axis."""
         stated = {name: getattr(self, name) for name in _OPTIONS if hasattr(self, name)}
         changed["by_direction"] = self.by_direction_
-        self._plan = SegmentPlan(samples_per_rev, **stated | changed)
-        self.orders_ = self._plan.orders
-        self.n_per_segment_ = self._plan.n_per_segment
+        self.plan_ = SegmentPlan(samples_per_rev, **stated | changed)
+        self.orders_ = self.plan_.orders
+        self.n_per_segment_ = self.plan_.n_per_segment

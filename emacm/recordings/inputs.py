@@ -255,7 +255,6 @@ def run(
     names: Sequence[Callable[[], str]] | None = None,
     n_jobs: int | None = None,
     verbose: bool | int = False,
-    unit: str = "recording",
     prefer: str = "threads",
 ) -> list[Any]:
     """Call a function for each recording, under joblib's active backend; by default, in threads.
@@ -273,8 +272,6 @@ def run(
     verbose : bool or int
         Report to stderr how many recordings are done, the rate and the time left: by tqdm, if it is
         installed, otherwise by joblib.
-    unit : str
-        Name of one call in the report, if it is not a recording.
     prefer : {"threads", "processes"}
         Default backend.
 
@@ -305,7 +302,7 @@ def run(
         if bar is None:
             return Parallel(n_jobs=n_jobs, verbose=int(verbose), prefer=prefer)(tasks)
         parallel = Parallel(n_jobs=n_jobs, prefer=prefer, return_as="generator")
-        return list(bar(parallel(tasks), total=len(tasks), unit=unit))
+        return list(bar(parallel(tasks), total=len(tasks), unit="recording"))
 
 
 def _in_dask_task() -> bool:

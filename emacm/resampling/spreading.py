@@ -67,6 +67,9 @@ class GridDesign:
     densest : int
         Dense samples for each sample of the signal, of the shaft and of the result, beyond which
         the shaft has jumped.
+    first, margin : int
+        Point that the filter of the first output reads first, half of `width`; fine grid points
+        that are needed beyond either end of the stroke, `half` more.
     """
 
     flat: float = 0.78
@@ -81,16 +84,8 @@ class GridDesign:
     mean_of: int = 5000
     fewest: int = 16
     densest: int = 64
-
-    @property
-    def first(self) -> int:
-        """Point that the filter of the first output reads first."""
-        return self.width // 2
-
-    @property
-    def margin(self) -> int:
-        """Fine grid points that are needed beyond either end of the stroke."""
-        return self.half + self.first
+    first: int = 2
+    margin: int = 22
 
 
 DESIGN = GridDesign()

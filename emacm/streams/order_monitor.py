@@ -466,7 +466,7 @@ class OrderMonitor:
             resampler.max_rest,
             float(resampler.ratio),
             self._max_speed,
-            self._model.psd.plan,
+            self._model.psd.plan_,
         )
         self._cutter = IntervalCutter(
             self._settings,

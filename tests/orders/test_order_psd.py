@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import signal as filters
-from sklearn.exceptions import NotFittedError
 
 from emacm import BinTransformer, OrderCrossSpectrum, OrderPSD, OrderResampler, Recording
 from emacm.orders.segment_plan import SegmentPlan, padded_lines
@@ -195,10 +194,8 @@ def test_the_plan_is_that_of_fit_and_strokes_of_one_sample_are_no_padded_segment
         [Recording({"b": np.ones(900)}, 300, velocity=np.full(900, 31.0))]
     )
     fitted = OrderPSD(2).fit(over_angle)
-    assert fitted.plan.n_per_segment == 64
+    assert fitted.plan_.n_per_segment == 64
     assert fitted.get_feature_names_out().dtype == object
-    with pytest.raises(NotFittedError):
-        OrderPSD(2).plan  # noqa: B018
     plan = SegmentPlan(32.0, n_per_segment=8, detrend=None)
     short = np.random.default_rng(0).normal(size=(1, 5))
     both = list(padded_lines(plan, [short[:, :1], short]))
