@@ -207,10 +207,10 @@ class SegmentPlan:
         if self.short == "pad" and max(lengths, default=0) > 1:
             return (), (np.concatenate(list(blocks), axis=1) for blocks in signals)
         if not lengths or self.short == "pad":
-            remedy = "Leave it out"
-            if kind != "stroke":
-                remedy += ", or do not separate directions (by_direction=False)"
-            raise ValueError(f"it has no {kind} of two samples. {remedy}.")
+            raise ValueError(
+                f"it has no {kind} of two samples. Leave it out, or set by_direction=False where "
+                f"directions are separate."
+            )
         raise ValueError(
             f"no {kind} holds a segment of {self.revolutions:g} revolutions ({self.n_per_segment} "
             f"samples): its longest {kind} holds {max(lengths) / self.samples_per_rev:.4g}. Lower "

@@ -42,7 +42,7 @@ class Confidence(NamedTuple):
     reliable: NDArray[np.bool_]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class VibrationAngle:
     """Shaft angle and speed found in a vibration signal.
 
@@ -60,13 +60,6 @@ class VibrationAngle:
     angle: Array
     velocity: Array
     confidence: Confidence
-
-    def __repr__(self) -> str:
-        low, high = self.velocity.min(), self.velocity.max()
-        return (
-            f"VibrationAngle({len(self.angle)} samples, {low:.5g} to {high:.5g} rad/s, "
-            f"{self.confidence.fraction:.0%} of the seconds reliable)"
-        )
 
 
 def angle_from_vibration(

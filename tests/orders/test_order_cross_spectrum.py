@@ -252,7 +252,7 @@ def test_short_recordings_are_padded_on_demand():
 
 def test_a_missing_direction_is_said():
     rows = RESAMPLER.fit_transform([short_run()])
-    message = "no reverse stroke of two samples. Leave it out, or do not separate .*by_direction=F"
+    message = "no reverse stroke of two samples. Leave it out, or set by_direction=False"
     with pytest.raises(ValueError, match=message):
         OrderCrossSpectrum(4, by_direction=True).fit_transform(rows)
 
