@@ -315,9 +315,6 @@ def _named(row: AngleRecording | NDArray[np.floating], index: int) -> str:
 
 
 def _ragged(rows: list[Any]) -> bool:
-    """Tell whether these are one-dimensional rows of unequal length, or one is no array at all."""
-    try:
-        shapes = {np.shape(row) for row in rows}
-    except ValueError:
-        return True
+    """Tell whether these are one-dimensional rows of unequal length."""
+    shapes = {np.shape(row) for row in rows}
     return len(shapes) > 1 and all(len(shape) == 1 for shape in shapes)

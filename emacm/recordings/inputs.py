@@ -180,22 +180,12 @@ def received(value: Any) -> str:
     """
     if isinstance(value, str | PurePath):
         return f"{str(value)!r}. Files are not opened here: use open_recording(path, layout)."
-    return f"{kind_of(value)}.{once_hint(value)}"
-
-
-def kind_of(value: Any) -> str:
-    """Name a value without its content.
-
-    Examples
-    --------
-    >>> kind_of(2.5), kind_of([])
-    ('2.5', 'a list')
-    """
-    if value is None or isinstance(value, str | bool | int | float):
-        return repr(value)
-    package, name = type(value).__module__.partition(".")[0], type(value).__name__
-    foreign = name == "DataFrame" and package != "pandas"
-    return f"a {package} {name}, which is not a pandas one" if foreign else f"a {name}"
+    if value is None or isinstance(value, bool | int | float):
+        return f"{value!r}."
+    name = type(value).__name__
+    if name == "DataFrame" and not isinstance(value, pd.DataFrame):
+        name = f"{type(value).__module__.partition('.')[0]} {name}, which is not a pandas one"
+    return f"a {name}.{once_hint(value)}"
 
 
 Self = TypeVar("Self", bound="RecordingTransformer")

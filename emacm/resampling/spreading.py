@@ -428,7 +428,7 @@ class FineGrid:
         complete = np.maximum(self._n_complete(reached), 0)
         before = np.concatenate([[0], complete[:-1]])
         n_points = np.maximum(tops, self._used) - 2 * before
-        self._reach(int(n_points.max()))
+        self._use(int(n_points.max()))
         steps = self._part, n_points, complete - before
         self._run(block, (1 / self._step, self._offset), steps, (outputs, done))
         self._reached = float(reached[-1])
@@ -454,15 +454,11 @@ class FineGrid:
 
     def _use(self, n_points: int) -> None:
         """Have at least so many points in use."""
-        self._reach(n_points)
-        self._used = max(self._used, n_points)
-
-    def _reach(self, n_points: int) -> None:
-        """Hold at least so many points."""
         if n_points > self._grid.shape[1]:
             longer = np.zeros((len(self._grid), n_points + n_points // 4))
             longer[:, : self._used] = self._grid[:, : self._used]
             self._grid = longer
+        self._used = max(self._used, n_points)
 
     def _tail_with(self, block: Block) -> Block:
         """Return the samples that a mirror image at the end may contain, some more added."""
