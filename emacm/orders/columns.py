@@ -20,11 +20,7 @@ from numpy.typing import NDArray
 from sklearn.base import TransformerMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
-from emacm._checks import (
-    check_finite_table,
-    check_table,
-    check_unique_columns,
-)
+from emacm._checks import check_finite_table, check_table, check_unique_columns
 from emacm._saved import SavedEstimator
 
 BARE_CHANNEL = "signal"  # the channel of a table or row without names

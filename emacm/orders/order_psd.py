@@ -11,12 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import (
-    check_choice,
-    check_finite_table,
-    check_signal,
-    check_table,
-)
+from emacm._checks import check_choice, check_finite_table, check_signal, check_table
 from emacm.orders.columns import BARE_CHANNEL, OrderTable, order_columns
 from emacm.orders.store import recalled
 from emacm.orders.welch import WelchEstimator, samples_per_revolution

@@ -8,11 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import (
-    check_finite,
-    check_number,
-    check_real_array,
-)
+from emacm._checks import check_finite, check_number, check_real_array
 from emacm.orders.columns import NamedColumns
 from emacm.orders.segment_plan import SegmentPlan
 

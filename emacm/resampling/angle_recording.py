@@ -13,14 +13,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from emacm import _kernels
-from emacm._checks import (
-    check_choice,
-)
-from emacm.recordings.inputs import (
-    as_recordings,
-    check_channels,
-    described,
-)
+from emacm._checks import check_choice
+from emacm.recordings.inputs import as_recordings, check_channels, described
 from emacm.recordings.recording import Recording
 from emacm.resampling.spreading import spread_rows
 from emacm.shaft.motion import Series, ShaftPath

@@ -28,11 +28,7 @@ from emacm.recordings.inputs import (
     run,
 )
 from emacm.recordings.recording import Recording
-from emacm.resampling.angle_recording import (
-    INTERPOLATIONS,
-    AngleRecording,
-    jump_warning,
-)
+from emacm.resampling.angle_recording import INTERPOLATIONS, AngleRecording, jump_warning
 from emacm.resampling.quality import recording_quality
 from emacm.resampling.training_range import (
     Statement,

@@ -14,14 +14,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from emacm._checks import check_number, check_signal
 from emacm.shaft.phase_refinement import Course, refined_speed
-from emacm.shaft.speed_evidence import (
-    Evidence,
-    Whitened,
-    find_comb,
-    find_shaft,
-    measure,
-    whiten,
-)
+from emacm.shaft.speed_evidence import Evidence, Whitened, find_comb, find_shaft, measure, whiten
 from emacm.shaft.speed_settings import SETTINGS
 
 Array = NDArray[np.floating]
