@@ -352,9 +352,7 @@ def _parse(name: Any) -> tuple[str, float] | None:
 def _chooses_rows(key: Any) -> bool:
     """Return whether an index leaves the columns unchanged."""
     if isinstance(key, tuple):
-        if not key:
-            return True
-        rows, *rest = key
+        rows, *rest = key or (...,)
         full = all(k is Ellipsis or (isinstance(k, slice) and k == slice(None)) for k in rest)
         return full and _chooses_rows(rows)
     if key is Ellipsis or isinstance(key, slice):
