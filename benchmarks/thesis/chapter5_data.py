@@ -9,14 +9,13 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
-from sklearn.pipeline import make_pipeline
 
 from chapter4_spectra import MIN_SPEED, PAIRS, SIGNALS
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
-from emacm.resampling.order_resampler import OrderResampler, SignalCache
+from emacm.resampling.order_resampler import OrderResampler
 from emacm.simulation.bench import LaboratoryBench
 from emacm.simulation.faults import FAULTS
 from findings import Report, silent
@@ -244,9 +243,7 @@ def _features_of(
 ) -> tuple[pd.DataFrame, ...]:
     # In the order in which the pairs name the channels, so that all spectra share the signals.
     channels = list(dict.fromkeys(name for pair in PAIRS for name in pair))
-    resampler = make_pipeline(
-        OrderResampler(np.pi / 64, channels=channels, min_speed=MIN_SPEED), SignalCache()
-    )
+    resampler = OrderResampler(np.pi / 64, channels=channels, min_speed=MIN_SPEED)
     # A jam may leave strokes shorter than a segment.
     psd = OrderPSD(_REVOLUTIONS, max_order=MAX_ORDER, short="pad").set_output(transform="pandas")
     coarse, narrow = (

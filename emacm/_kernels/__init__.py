@@ -10,7 +10,6 @@ import importlib
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from importlib.util import find_spec
 from types import ModuleType
 
@@ -21,58 +20,30 @@ NAMES = ("numpy", "numba")
 loops: ModuleType  # to be read as an attribute of this package, as `using` sets it
 
 
-@dataclass(frozen=True)
-class BlockSizes:
-    """How much is processed at a time; chosen by ``python benchmarks/pipeline.py``.
-
-    The defaults are those of the compiled loops, which hold little besides their input.
-
-    Attributes
-    ----------
-    spread, interpolated : int
-        Time samples that are spread or interpolated; with fewer, threads wait for one another.
-    weights : int
-        Samples whose weights are held, which should stay in the first cache.
-    segment_bytes : int
-        Bytes of the segments that are transformed, which should stay in the second cache.
-    """
-
-    spread: int = 1 << 18
-    interpolated: int = 1 << 17
-    weights: int = 2048
-    segment_bytes: int = 1 << 20
-
-
 def __getattr__(name: str) -> ModuleType:
     """Choose `loops` when they are first read, as numba takes a second to import."""
+    global loops
     if name != "loops":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     chosen = os.environ.get("EMACM_KERNELS") or ("numba" if find_spec("numba") else "numpy")
-    _use(_imported(check_choice(chosen, "the environment variable EMACM_KERNELS", NAMES)))
+    loops = _imported(chosen, "the environment variable EMACM_KERNELS")
     return loops
-
-
-def _use(module: ModuleType) -> None:
-    global loops
-    loops = module
 
 
 @contextmanager
 def using(name: str) -> Iterator[None]:
     """Use the named kernels inside a with statement, in all threads."""
-    before = globals().get("loops")
-    _use(_imported(check_choice(name, "kernels", NAMES)))
+    global loops
+    before = globals().get("loops") or __getattr__("loops")
+    loops = _imported(name, "kernels")
     try:
         yield
     finally:
-        if before is None:  # to be chosen when they are read
-            del globals()["loops"]
-        else:
-            _use(before)
+        loops = before
 
 
-def _imported(name: str) -> ModuleType:
+def _imported(name: str, role: str) -> ModuleType:
     try:
-        return importlib.import_module(f"emacm._kernels.{name}")
+        return importlib.import_module(f"emacm._kernels.{check_choice(name, role, NAMES)}")
     except ImportError as error:
         raise ImportError("the numba kernels need numba; install emacm[fast].") from error

@@ -13,12 +13,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from emacm._kernels import BlockSizes
+from emacm._kernels.numpy import Filter, Made, Parts, Place
 
 Array = NDArray[np.floating]
-Indices = NDArray[np.integer]
 
-BLOCKS = BlockSizes()
+# How much is processed at a time, chosen by ``python benchmarks/pipeline.py``.
+SPREAD_AT_ONCE = 1 << 18  # samples; with fewer, threads wait for one another
+INTERPOLATED_AT_ONCE = 1 << 17  # samples
+WEIGHTS_AT_ONCE = 2048  # samples, whose weights stay in the first cache
+SEGMENT_BYTES = 1 << 20  # of segments that are transformed, which stay in the second cache
 
 
 def compiled(function: Any, *, reordered: bool = True) -> Any:
@@ -39,26 +42,8 @@ def compiled_exactly(function: Any) -> Any:
 
 
 @compiled_exactly
-def set_checkpoints(velocity, half_step, stride, angles, lowest, highest):
-    total = 0.0
-    for k in range(len(angles)):
-        first = k * stride
-        before = np.float64(velocity[first])
-        if k:
-            total += (np.float64(velocity[first - 1]) + before) * half_step
-        angles[k] = total
-        low = high = before
-        for i in range(first + 1, min(first + stride, len(velocity))):
-            now = np.float64(velocity[i])
-            total += (before + now) * half_step
-            before = now
-            low = now if now < low else low
-            high = now if now > high else high
-        lowest[k], highest[k] = low, high
-
-
-@compiled_exactly
-def integrate(velocity, half_step, starts, stride, angle):
+def integrate(velocity, half_step, starts, stride):
+    angle = np.empty(len(velocity))
     for i in range(1, len(velocity)):
         angle[i] = (np.float64(velocity[i - 1]) + np.float64(velocity[i])) * half_step
     in_fours = len(velocity) // stride // 4 * 4
@@ -79,30 +64,25 @@ def integrate(velocity, half_step, starts, stride, angle):
         for i in range(first + 1, min(first + stride, len(velocity))):
             total += angle[i]
             angle[i] = total
+    return angle
 
 
 def resample(
     near: Array,
-    scale: float,
-    offset: float,
+    place: Place,
     kernel: Array,
     signals: list[Array],
     means: Array,
     grid: Array,
-    part: int,
-    n_points: Indices,
-    ready: Indices,
-    first: int,
-    taps: Array,
-    outputs: Array,
-    done: int,
+    parts: Parts,
+    lowpass: Filter,
+    made: Made,
 ) -> None:
     """Spread samples part by part, and decimate the grid as far as it is complete after each."""
-    place = *_views([near]), scale, offset, kernel
-    parts = part, n_points, ready, first, taps
-    held = np.empty((4, BLOCKS.weights)), np.empty(BLOCKS.weights, np.uint32)
+    (near,), (outputs, done) = _views([near]), made
     for some, rows in _in_eights(signals):
-        _resample(*place, rows, means[some], grid[some], *parts, outputs[some], done, *held)
+        own = rows, means[some], grid[some], parts, lowpass, (outputs[some], done)
+        _resample(near, place, kernel, *own)
 
 
 def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int) -> Array:
@@ -120,10 +100,9 @@ def interpolate_linear(
     reached: Array, first: int, theta_s: float, signals: list[Array], values: Array
 ) -> None:
     """Interpolate signals linearly at uniform angles, Eq. (2.13) of Chirico."""
-    left, weights = np.empty(values.shape[1], np.int32), np.empty(values.shape[1])
-    _interpolation_weights(*_views([reached]), first, theta_s, left, weights)
+    (reached,) = _views([reached])
     for some, rows in _in_eights(signals):
-        _interpolate_linear(rows, left, weights, values[some])
+        _interpolate_linear(reached, first, theta_s, rows, values[some])
 
 
 def _in_eights(signals: Sequence[Array]) -> Iterator[tuple[slice, tuple[Array, ...]]]:
@@ -216,41 +195,27 @@ def _add_three(row, cell, one, two, three):
 
 
 @compiled
-def _resample(
-    near,
-    scale,
-    offset,
-    kernel,
-    x,
-    means,
-    grid,
-    part,
-    n_points,
-    ready,
-    first,
-    taps,
-    outputs,
-    done,
-    held,
-    cells,
-):
-    n_times, at_once, n_rows = len(near) - 2, held.shape[1], len(grid)
-    weights = held[0], held[1], held[2], held[3]
+def _resample(near, place, kernel, x, means, grid, parts, lowpass, made):
+    (scale, offset), (part, n_points, ready), (outputs, done) = place, parts, made
+    n_times, n_rows = len(near) - 2, len(grid)
+    weights = np.empty((4, WEIGHTS_AT_ONCE))
+    w = weights[0], weights[1], weights[2], weights[3]
+    cells = np.empty(WEIGHTS_AT_ONCE, np.uint32)
     spare = np.zeros(grid.shape[1] if n_rows % 2 else 0)  # beside a row that is left over
     for number in range(len(n_points)):
         used, n_outputs = n_points[number], ready[number]
         stop = min((number + 1) * part, n_times)
-        for low in range(number * part, stop, at_once):
-            end = min(low + at_once, stop)
+        for low in range(number * part, stop, WEIGHTS_AT_ONCE):
+            end = min(low + WEIGHTS_AT_ONCE, stop)
             some = cells[: end - low]
-            _set_weights(near[low : end + 2], scale, offset, kernel, used, weights, some)
+            _set_weights(near[low : end + 2], scale, offset, kernel, used, w, some)
             for k in range(0, n_rows, 2):  # in pairs: an addition waits for the one before it
                 paired = k + 1 < n_rows
                 pair = grid[k], grid[k + 1] if paired else spare
                 two_means = means[k], means[k + 1] if paired else 0.0
-                _spread_two((x[k][low:end], x[k + 1][low:end]), two_means, weights, some, pair)
+                _spread_two((x[k][low:end], x[k + 1][low:end]), two_means, w, some, pair)
         if n_outputs:
-            decimate(grid, used, first, taps, means, outputs, done, n_outputs)
+            decimate(grid, used, lowpass, means, (outputs, done), n_outputs)
             done += n_outputs
             offset -= 2.0 * n_outputs
 
@@ -277,7 +242,8 @@ def _upsample(signal, phases, first, outputs):
 
 
 @compiled
-def decimate(grid, used, first, taps, means, outputs, done, n_outputs):
+def decimate(grid, used, lowpass, means, made, n_outputs):
+    (first, taps), (outputs, done) = lowpass, made
     if len(taps) != 41:
         raise ValueError("the decimating filter must have 41 taps")
     even = np.empty(n_outputs + 20)
@@ -302,26 +268,22 @@ def decimate(grid, used, first, taps, means, outputs, done, n_outputs):
 
 
 @compiled
-def _interpolation_weights(reached, first, theta_s, left, weights):
-    i, last = 0, len(reached) - 2
+def _interpolate_linear(reached, first, theta_s, signals, values):
+    n_angles, i, last = values.shape[1], 0, len(reached) - 2
+    left, weights = np.empty(n_angles, np.uint32), np.empty(n_angles)
     low, high = reached[0], reached[1]
-    for j in range(len(left)):
+    for j in range(n_angles):
         angle = theta_s * (first + j)
         while i < last and high <= angle:
             i += 1
             low, high = high, reached[i + 1]
         left[j] = i
         weights[j] = 1.0 if angle >= high else 0.0 if angle <= low else (angle - low) / (high - low)
-
-
-@compiled
-def _interpolate_linear(signals, left, weights, values):
     for k in range(len(values)):
         signal, following, row = signals[k], signals[k][1:], values[k]
-        for j in range(len(left)):
-            place = np.uint32(left[j])
-            low = signal[place]
-            row[j] = low + weights[j] * (following[place] - low)
+        for j in range(n_angles):
+            low = signal[left[j]]
+            row[j] = low + weights[j] * (following[left[j]] - low)
 
 
 @compiled

@@ -10,19 +10,19 @@ import numpy as np
 import scipy  # scipy.signal takes a tenth of a second to import, so it is imported on first use
 from numpy.typing import NDArray
 
-from emacm._kernels import BlockSizes
-
 Array = NDArray[np.floating]
-Indices = NDArray[np.integer]
+Place = tuple[float, float]
+Parts = tuple[int, NDArray[np.integer], NDArray[np.integer]]
+Filter = tuple[int, Array]
+Made = tuple[Array, int]
 
 # Several arrays are held besides the input, so less is processed at a time.
-BLOCKS = BlockSizes(spread=1 << 15, interpolated=1 << 15, segment_bytes=1 << 19)
+SPREAD_AT_ONCE = INTERPOLATED_AT_ONCE = 1 << 15  # samples
+SEGMENT_BYTES = 1 << 19  # of segments that are transformed
 
 
-def set_checkpoints(
-    velocity: Array, half_step: float, stride: int, angles: Array, lowest: Array, highest: Array
-) -> None:
-    """Integrate a velocity once, and keep the angle at every `stride`-th sample.
+def integrate(velocity: Array, half_step: float, starts: Array, stride: int) -> Array:
+    """Integrate a velocity by the trapezoidal rule, section by section, in float64.
 
     Parameters
     ----------
@@ -30,67 +30,35 @@ def set_checkpoints(
         Velocity [rad/s]; contiguous and read-only, so that one kind of array is compiled for.
     half_step : float
         Half a sampling interval [s].
-    stride : int
-        Samples of a section; the last section may be shorter.
-    angles : ndarray of shape (n_sections,)
-        Set to the angle at the first sample of each section [rad], accumulated from 0 sample by
-        sample, so that it equals a cumulative sum over the whole velocity bit for bit.
-    lowest, highest : ndarray of shape (n_sections,)
-        Set to the range of the velocity in each section [rad/s].
-    """
-    total = 0.0
-    at_once = max(1, BLOCKS.spread // stride) * stride
-    for start in range(0, len(velocity), at_once):
-        part = velocity[start : start + at_once + 1]
-        angle = np.empty(len(part))
-        integrate(part, half_step, np.array([total]), len(part), angle)
-        sections = slice(start // stride, (start + at_once) // stride)
-        angles[sections] = angle[: min(at_once, len(velocity) - start) : stride]
-        total = float(angle[-1])
-    starts = np.arange(0, len(velocity), stride)
-    lowest[:] = np.minimum.reduceat(velocity, starts)
-    highest[:] = np.maximum.reduceat(velocity, starts)
-
-
-def integrate(velocity: Array, half_step: float, starts: Array, stride: int, angle: Array) -> None:
-    """Integrate a velocity by the trapezoidal rule, section by section, in float64.
-
-    Parameters
-    ----------
-    velocity : ndarray of shape (n_times,)
-        Velocity [rad/s], as for `set_checkpoints`.
-    half_step : float
-        Half a sampling interval [s].
     starts : ndarray of shape (n_sections,)
         Angle at the first sample of each section [rad]; the integral over the sections before has
         the same value.
     stride : int
         Samples of a section; the last section may be shorter.
-    angle : ndarray of shape (n_times,)
-        Set to the angle [rad].
+
+    Returns
+    -------
+    ndarray of shape (n_times,)
+        Angle [rad], accumulated sample by sample, so that it equals a cumulative sum over the whole
+        velocity bit for bit.
     """
-    speed = velocity.astype(np.float64)
+    speed, angle = velocity.astype(np.float64), np.empty(len(velocity))
     angle[0] = starts[0]
     np.add(speed[1:], speed[:-1], out=angle[1:])
     angle[1:] *= half_step
-    np.cumsum(angle, out=angle)
+    return np.cumsum(angle, out=angle)
 
 
 def resample(
     near: Array,
-    scale: float,
-    offset: float,
+    place: Place,
     kernel: Array,
     signals: list[Array],
     means: Array,
     grid: Array,
-    part: int,
-    n_points: Indices,
-    ready: Indices,
-    first: int,
-    taps: Array,
-    outputs: Array,
-    done: int,
+    parts: Parts,
+    lowpass: Filter,
+    made: Made,
 ) -> None:
     """Spread samples part by part, and decimate the grid as far as it is complete after each.
 
@@ -101,7 +69,7 @@ def resample(
     near : ndarray of shape (n_times + 2,)
         Angle travelled at the samples, and at one more on either side [rad]. A sample is weighted
         by half the distance between its neighbours.
-    scale, offset : float
+    place : scale, offset
         A sample lies at ``scale * angle + offset`` on the grid, before this is decimated; where
         `scale` is negative it is a mirror image.
     kernel : ndarray of shape (2, 6)
@@ -113,15 +81,13 @@ def resample(
         Subtracted first.
     grid : ndarray of shape (n_signals, n_held)
         Changed in place. Samples any of whose points would lie outside are skipped.
-    part : int
-        Samples of a part; the last one may be shorter.
-    n_points : ndarray of shape (n_parts,)
-        Columns of the grid in use when a part is spread.
-    ready : ndarray of shape (n_parts,)
-        Outputs that are complete after a part.
-    first, taps, outputs, done
+    parts : part, n_points, ready
+        Samples of a part, the last of which may be shorter; columns of the grid in use when each
+        part is spread, and outputs that are complete after it, arrays of shape (n_parts,).
+    lowpass, made
         As for `decimate`.
     """
+    (scale, offset), (part, n_points, ready), (outputs, done) = place, parts, made
     n_times = len(near) - 2
     for start, used, n_outputs in zip(range(0, n_times, part), n_points, ready, strict=True):
         stop = min(start + part, n_times)
@@ -136,7 +102,7 @@ def resample(
                 added[k : k + n_cells] += np.bincount(cells, weights[k] * values, n_cells)
             line[low : high + 4] += added
         if n_outputs:
-            decimate(grid, used, first, taps, means, outputs, done, n_outputs)
+            decimate(grid, used, lowpass, means, (outputs, done), n_outputs)
             done += n_outputs
             offset -= 2.0 * n_outputs
 
@@ -203,14 +169,7 @@ def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int
 
 
 def decimate(
-    grid: Array,
-    used: int,
-    first: int,
-    taps: Array,
-    means: Array,
-    outputs: Array,
-    done: int,
-    n_outputs: int,
+    grid: Array, used: int, lowpass: Filter, means: Array, made: Made, n_outputs: int
 ) -> None:
     """Filter a grid and keep every other point; move what is still needed to its start.
 
@@ -221,17 +180,18 @@ def decimate(
         upwards are moved to its start, followed by zeros.
     used : int
         At least ``first + 2 * (n_outputs - 1) + len(taps)``.
-    first : int
-        First point that the first output depends on; that of the next output is two points on.
-    taps : ndarray of shape (41,)
-        A symmetric filter.
+    lowpass : first, taps
+        First point that the first output depends on (that of the next output is two points on), and
+        a symmetric filter of 41 taps.
     means : ndarray of shape (n_signals,)
         Added to the outputs.
-    outputs : ndarray of shape (n_signals, done + n_outputs) or longer
-        Filled with the points that are kept.
-    done, n_outputs : int
-        First output that is filled, and how many are.
+    made : outputs, done
+        Array of shape (n_signals, done + n_outputs) or longer that is filled with the points that
+        are kept, and the first output that is filled.
+    n_outputs : int
+        How many are filled.
     """
+    (first, taps), (outputs, done) = lowpass, made
     part = grid[:, first : first + 2 * (n_outputs - 1) + len(taps)]
     filtered = scipy.signal.upfirdn(taps, part, down=2)
     half = len(taps) // 2

@@ -177,7 +177,7 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
         if self.unseen == "pooled":
             groups, names = [*groups, np.arange(len(found))], [*names, "of all conditions"]
         fit_one = partial(self._fitted, self.inner(X), y, fit_params)
-        fitted = run(fit_one, groups, names, n_jobs=self.n_jobs, unit="condition")
+        fitted = run(fit_one, groups, names, n_jobs=self.n_jobs)
         self.__dict__.pop("pooled_", None)  # of an earlier fit
         if self.unseen == "pooled":
             self.pooled_ = fitted[-1]

@@ -435,7 +435,7 @@ class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ig
         check_rates(rows, self._rates)
         found = self._known_conditions(rows)
         return [
-            ResidualRecording(**row.__getstate__(), baseline=self.baselines_[condition])
+            ResidualRecording(**vars(row), baseline=self.baselines_[condition])
             for row, condition in zip(rows, found, strict=True)
         ]
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from emacm._checks import check_choice
 from emacm.displays import _drawing, _tables
 from emacm.displays._tables import OrderDisplay
-from emacm.orders.welch import order_psd, samples_per_revolution, segment_plan
+from emacm.orders.segment_plan import SegmentPlan
+from emacm.orders.welch import order_psd, samples_per_revolution
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleStroke
 from emacm.resampling.order_resampler import OrderResampler
@@ -137,7 +138,7 @@ class OrderMapDisplay(OrderDisplay):
         resampler = OrderResampler(theta_s, channels=[chosen], min_speed=min_speed)
         strokes = resampler.fit_transform([recording])[0].strokes
         welch: dict[str, Any] = {"revolutions": revolutions, "max_order": max_order}
-        plan = segment_plan(samples_per_revolution(theta_s), **welch)
+        plan = SegmentPlan(samples_per_revolution(theta_s), **welch)
         segments = [
             _segments(stroke, plan.step, plan.n_per_segment, welch)
             for stroke in strokes

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from emacm._checks import check_choice, check_number
 from emacm.envelopes.prewhitening import WhitenedBand, WhitenedSeries
 from emacm.recordings.series import ComputedSeries
-from emacm.shaft.motion import BLOCK, Series
+from emacm.shaft.motion import BLOCK, Series, mirrored
 
 Band = tuple[float, float]
 
@@ -233,7 +233,7 @@ class EnvelopeSeries(ComputedSeries):
     def _analytic(self, start: int, stop: int) -> NDArray[np.complexfloating]:
         if self._whitened is not None:
             return self._whitened.read(start, stop)
-        near: Any = self._mirrored(start - self.reach, stop + self.reach)
+        near: Any = mirrored(self._signal, start - self.reach, stop + self.reach)
         return scipy.signal.oaconvolve(near, self._taps, mode="valid")
 
 

@@ -21,7 +21,7 @@ from emacm.recordings.inputs import (
 from emacm.recordings.names import chosen_channels
 from emacm.recordings.recording import Recording
 from emacm.recordings.series import ComputedSeries
-from emacm.shaft.motion import Series
+from emacm.shaft.motion import Series, mirrored
 
 
 class WhitenedSeries(ComputedSeries):
@@ -84,7 +84,7 @@ class WhitenedSeries(ComputedSeries):
             first = group * self._n_group
             count = min(self._n_group, self._n_segments - first)
             begin = first * hop - fade
-            near = self._mirrored(begin, begin + count * hop + fade)
+            near = mirrored(self._signal, begin, begin + count * hop + fade)
             segments = np.lib.stride_tricks.sliding_window_view(near, hop + fade)[::hop]
             levels = segments.mean(axis=1, dtype=np.float64)
             segments = segments - levels.astype(near.dtype)[:, np.newaxis]

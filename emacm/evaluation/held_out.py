@@ -335,7 +335,7 @@ def decide_held_out(
     """
     tasks = [(s, number) for s in schemes if not s.impossible for number in range(len(s.folds))]
     decide = partial(_decide, estimator, X, y, training_groups(estimator, groupings))
-    found = run(decide, *zip(*tasks, strict=True), unit="fold", prefer="processes") if tasks else []
+    found = run(decide, *zip(*tasks, strict=True), prefer="processes") if tasks else []
     refused: dict[str, str] = {}
     for (scheme, _), result in zip(tasks, found, strict=True):
         if isinstance(result, str):

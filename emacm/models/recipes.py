@@ -22,7 +22,7 @@ from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.recording import Recording
-from emacm.resampling.order_resampler import OrderResampler, SignalCache
+from emacm.resampling.order_resampler import OrderResampler
 from emacm.stroke_features.harmonics import ShaftHarmonics
 from emacm.stroke_features.profile import StrokeProfile
 from emacm.stroke_features.statistics import RecordingStatistics
@@ -249,7 +249,6 @@ def actuator_recipe(
     over_angle = make_pipeline(
         OrderResampler(2 * np.pi / (2.4 * max_order), min_speed=min_speed),
         "passthrough" if healthy is None else residual,
-        SignalCache(),
         _over_angle(revolutions, max_order, strokes),
     )
     reference = "absolute" if phase else "relative"

@@ -7,9 +7,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage, sparse
 
@@ -152,8 +153,8 @@ class BinTransformer(OrderTableTransformer):
         self.operator_ = sparse.block_diag([*map(sparse.csr_array, operators)], format="csr")
         self._columns_out = tuple(f"{block.channel}@{name}" for block in blocks for name in bins)
         used = np.asarray(self.operator_.sum(axis=0)).ravel() > 0
-        known = learn_lines(psd, blocks, used, groups)
-        self.line_maxima_, self.new_line_limits_, self._largest_lines = known
+        found = learn_lines(psd, blocks, used, groups)
+        self.line_maxima_, self.new_line_limits_, self._largest_lines = found
         return self
 
     def transform(self, X: Any) -> NDArray[np.floating]:
@@ -214,13 +215,10 @@ class BinTransformer(OrderTableTransformer):
 
     def _new_lines(self, psd: NDArray[np.floating]) -> list[list[str]]:
         """Return statements on new lines of each recording."""
-        limits = getattr(self, "new_line_limits_", None)  # models of earlier versions have none
-        if limits is None or np.isinf(limits).all():
+        if np.isinf(self.new_line_limits_).all():
             return []
-        blocks = self._blocks(getattr(self, "feature_names_in_", None))
-        return state_new_lines(
-            psd, KnownLines(self.line_maxima_, limits, self._largest_lines), blocks
-        )
+        known = self.line_maxima_, self.new_line_limits_, self._largest_lines
+        return state_new_lines(psd, known, self._blocks(getattr(self, "feature_names_in_", None)))
 
     def _blocks(self, names: Sequence[Any] | None) -> tuple[OrderBlock, ...]:
         """Return the order axis of each channel."""
@@ -301,32 +299,12 @@ SETTINGS = NewLineSettings()
 _collected: ContextVar[dict[int, list[str]] | None] = ContextVar("_collected", default=None)
 
 
-class KnownLines(NamedTuple):
-    """Lines of the training, of which a new one is far above.
-
-    Attributes
-    ----------
-    maxima : ndarray of shape (n_columns,)
-        Largest height over the local background at each order [dB], at least -20; inf where lines
-        are not compared: outside of the bins, and in channels without power or with negative
-        values, which are no power spectra.
-    limits : ndarray of shape (n_columns,)
-        Excess over it from which a line is new [dB], at least 4; inf with fewer than five groups.
-    largest : ndarray of shape (n_channels,)
-        Largest line of each channel, in the unit of the spectra.
-    """
-
-    maxima: Array
-    limits: Array
-    largest: Array
-
-
 def learn_lines(
     psd: NDArray[np.floating],
     blocks: Sequence[OrderBlock],
     compared: NDArray[np.bool_],
     groups: Any = None,
-) -> KnownLines:
+) -> tuple[Array, Array, Array]:
     """Learn the lines of the training, and the excess over them that two groups in a hundred have.
 
     The excess of a group is that of its largest line over the maximum of all other groups at the
@@ -350,7 +328,14 @@ def learn_lines(
 
     Returns
     -------
-    KnownLines
+    maxima : ndarray of shape (n_columns,)
+        Largest height over the local background at each order [dB], at least -20; inf where lines
+        are not compared: outside of the bins, and in channels without power or with negative
+        values, which are no power spectra.
+    limits : ndarray of shape (n_columns,)
+        Excess over it from which a line is new [dB], at least 4; inf with fewer than five groups.
+    largest : ndarray of shape (n_channels,)
+        Largest line of each channel, in the unit of the spectra.
 
     Raises
     ------
@@ -365,27 +350,31 @@ def learn_lines(
     """
     codes = None if groups is None else group_codes(groups, len(psd))
     largest = np.array([psd[:, block.columns].max() for block in blocks], dtype=np.float64)
-    known = KnownLines(np.full(psd.shape[1], np.inf), np.full(psd.shape[1], np.inf), largest)
+    maxima, limits = np.full((2, psd.shape[1]), np.inf)
     excess: Any = -np.inf
     for block in blocks:
         own, used = psd[:, block.columns], compared[block.columns]
         if not used.any() or own.max() <= 0 or own.min() < 0:
             continue
         heights = _heights(own, block.orders)
-        highest = heights if codes is None else _maxima_of_groups(heights, codes)
-        known.maxima[block.columns] = np.where(used, highest.max(axis=0), np.inf)
+        highest = heights
+        if codes is not None:
+            highest = pd.DataFrame(heights).groupby(codes).max().to_numpy()
+        maxima[block.columns] = np.where(used, highest.max(axis=0), np.inf)
         if len(highest) >= SETTINGS.fewest:
             spread, left_out = _left_out(highest)
-            known.limits[block.columns] = np.where(used, spread, np.inf)
+            limits[block.columns] = np.where(used, spread, np.inf)
             excess = np.maximum(excess, left_out[:, used].max(axis=1))
     if np.ndim(excess):
-        learned = np.isfinite(known.limits)
-        known.limits[learned] = np.maximum(_limit(excess) * known.limits[learned], SETTINGS.least)
-    return known
+        learned = np.isfinite(limits)
+        limits[learned] = np.maximum(_limit(excess) * limits[learned], SETTINGS.least)
+    return maxima, limits, largest
 
 
 def state_new_lines(
-    psd: NDArray[np.floating], known: KnownLines, blocks: Sequence[OrderBlock]
+    psd: NDArray[np.floating],
+    known: tuple[Array, Array, Array],
+    blocks: Sequence[OrderBlock],
 ) -> list[list[str]]:
     """State at which orders recordings have lines that the training does not have.
 
@@ -393,8 +382,8 @@ def state_new_lines(
     ----------
     psd : ndarray of shape (n_recordings, n_columns)
         Power spectral densities.
-    known : KnownLines
-        Lines of the training.
+    known : maxima, limits, largest
+        As of `learn_lines`.
     blocks : sequence of OrderBlock
         Columns of each channel.
 
@@ -404,8 +393,8 @@ def state_new_lines(
         Of each recording, the line that is farthest above the maximum first.
     """
     found: list[list[tuple[float, str]]] = [[] for _ in psd]
-    for block, largest in zip(blocks, known.largest, strict=True):
-        maxima, limits = known.maxima[block.columns], known.limits[block.columns]
+    for block, largest in zip(blocks, known[2], strict=True):
+        maxima, limits = known[0][block.columns], known[1][block.columns]
         if np.isinf(limits).all():
             continue
         heights = _heights(psd[:, block.columns], block.orders)
@@ -460,13 +449,6 @@ def _heights(psd: NDArray[np.floating], orders: NDArray[np.floating]) -> Array:
     floor = SETTINGS.floor * psd.max(axis=1, keepdims=True)
     heights = line_heights(np.maximum(psd, np.maximum(floor, 0.0)), 2 * side + 1, SETTINGS.quantile)
     return np.maximum(heights, SETTINGS.deepest, out=heights)
-
-
-def _maxima_of_groups(heights: Array, codes: NDArray[np.intp]) -> Array:
-    """Return the largest value of each group in each column, shape (n_groups, n_columns)."""
-    order = np.argsort(codes, kind="stable")
-    starts = np.unique(codes[order], return_index=True)[1]
-    return np.maximum.reduceat(heights[order], starts, axis=0)
 
 
 def _left_out(highest: Array) -> tuple[Array, Array]:
@@ -528,10 +510,8 @@ def _of_channel(
         peak = start + int(heights[start:stop].argmax())
         where, up_to = f"line at order {block.orders[peak]:.4g}", ""
         if np.count_nonzero(heights[start:stop] > heights[peak] - SETTINGS.below) > SETTINGS.lobe:
-            where, up_to = (
-                f"orders {block.orders[start]:.4g} to {block.orders[stop - 1]:.4g}",
-                "up to ",
-            )
+            first, last = block.orders[[start, stop - 1]]
+            where, up_to = f"orders {first:.4g} to {last:.4g}", "up to "
         text = (
             f"{where} of {block.channel!r}, {up_to}{heights[peak]:.0f} dB above the background and "
             f"{excess[peak]:.0f} dB above the training maximum"

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from hashlib import sha256
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,11 +20,7 @@ from numpy.typing import NDArray
 from sklearn.base import TransformerMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
-from emacm._checks import (
-    check_finite_table,
-    check_table,
-    check_unique_columns,
-)
+from emacm._checks import check_finite_table, check_table, check_unique_columns
 from emacm._saved import SavedEstimator
 
 BARE_CHANNEL = "signal"  # the channel of a table or row without names
@@ -207,12 +204,6 @@ def order_columns(channels: Iterable[str], orders: Iterable[float]) -> tuple[str
     >>> order_columns(["current"], [0, 0.5, 1])
     ('current@0', 'current@0.5', 'current@1')
     """
-    return _order_columns(tuple(channels), tuple(orders))
-
-
-# A search uses the same few axes many times, with thousands of names.
-@lru_cache(maxsize=128)
-def _order_columns(channels: tuple[str, ...], orders: tuple[float, ...]) -> tuple[str, ...]:
     names = [number_name(order) for order in orders]
     return tuple(f"{channel}@{name}" for channel in channels for name in names)
 
@@ -286,11 +277,9 @@ def _parsed_columns(columns: tuple[Any, ...]) -> tuple[OrderBlock, ...] | None:
             f"all columns or none must be named 'channel@order', but there are {order!r} and "
             f"{stranger!r}. Select the order columns first (for example by a ColumnTransformer)."
         )
-    starts = [i for i in range(len(known)) if i == 0 or known[i][0] != known[i - 1][0]]
-    blocks = []
-    for start, stop in zip(starts, [*starts[1:], len(known)], strict=True):
-        channel = known[start][0]
-        orders = np.array([order for _, order in known[start:stop]])
+    blocks, start = [], 0
+    for channel, entries in groupby(known, key=lambda entry: entry[0]):
+        orders = np.array([order for _, order in entries])
         if np.any(np.diff(orders) <= 0):
             place = start + 1 + int(np.argmax(np.diff(orders) <= 0))
             raise ValueError(
@@ -298,7 +287,8 @@ def _parsed_columns(columns: tuple[Any, ...]) -> tuple[OrderBlock, ...] | None:
                 f"{columns[place - 1]!r}. Restore the order of the columns."
             )
         orders.flags.writeable = False  # it is shared by all callers
-        blocks.append(OrderBlock(channel, orders, slice(start, stop)))
+        blocks.append(OrderBlock(channel, orders, slice(start, start + len(orders))))
+        start += len(orders)
     names = [block.channel for block in blocks]
     if len(set(names)) < len(names):
         raise ValueError(
@@ -362,9 +352,7 @@ def _parse(name: Any) -> tuple[str, float] | None:
 def _chooses_rows(key: Any) -> bool:
     """Return whether an index leaves the columns unchanged."""
     if isinstance(key, tuple):
-        if not key:
-            return True
-        rows, *rest = key
+        rows, *rest = key or (...,)
         full = all(k is Ellipsis or (isinstance(k, slice) and k == slice(None)) for k in rest)
         return full and _chooses_rows(rows)
     if key is Ellipsis or isinstance(key, slice):
@@ -389,11 +377,40 @@ def _plain(array: Any, context: Any, names: tuple[str, ...] | None) -> Any:
     return values[()]  # a number, if it has no dimension
 
 
-class OrderTableTransformer(TransformerMixin, SavedEstimator):
+class NamedColumns(TransformerMixin, SavedEstimator):
+    """Base of transformers that name their columns.
+
+    A subclass sets in `fit` the names of its columns, `_columns_out`, and the names, if any, and
+    the number of those of its input.
+    """
+
+    _columns_out: tuple[str, ...]
+    _names_in: Sequence[Any] | None
+    _n_in: int | None
+
+    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
+        """Return the names of the columns.
+
+        Parameters
+        ----------
+        input_features : array-like of str, optional
+            Names of the input: columns, channels, or the samples of a row. If given, they are
+            compared with those of `fit`.
+
+        Returns
+        -------
+        ndarray of str
+        """
+        check_is_fitted(self)
+        if input_features is not None:
+            check_input_names(input_features, self._names_in, self._n_in)
+        return np.array(self._columns_out, dtype=object)
+
+
+class OrderTableTransformer(NamedColumns):
     """Base of transformers whose input is a table of order spectra.
 
-    A subclass sets `order_step`, or None where the axis always comes from the names of the columns,
-    and `_columns_out` in `fit`.
+    A subclass sets `order_step`, or None where the axis always comes from the names of the columns.
 
     Attributes
     ----------
@@ -404,25 +421,6 @@ class OrderTableTransformer(TransformerMixin, SavedEstimator):
     """
 
     order_step: float | None = None
-    _columns_out: tuple[str, ...]
-
-    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
-        """Return the names of the columns, ``channel@low-high`` or ``channel@name``.
-
-        Parameters
-        ----------
-        input_features : array-like of str, optional
-            Names of the columns; if given, they must be those of `fit`.
-
-        Returns
-        -------
-        ndarray of str
-        """
-        check_is_fitted(self)
-        if input_features is not None:
-            seen = getattr(self, "feature_names_in_", None)
-            check_input_names(input_features, seen, self.n_features_in_)
-        return np.array(self._columns_out, dtype=object)
 
     def _checked_table(self, X: Any, *, reset: bool) -> NDArray[np.floating]:
         """Check spectra; in `fit`, store the names of their columns, else compare them."""
@@ -449,6 +447,8 @@ class OrderTableTransformer(TransformerMixin, SavedEstimator):
             psd = check_array(X, **options)
         else:
             psd = validate_data(self, X, reset=reset, **options)
+        if reset:
+            self._names_in, self._n_in = getattr(self, "feature_names_in_", None), psd.shape[1]
         check_finite_table(psd, "recording", names)
         return psd
 

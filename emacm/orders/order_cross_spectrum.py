@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy import sparse
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice
-from emacm.orders.bins import Band, bin_operator, named_bins
+from emacm.orders.bins import bin_operator, named_bins
 from emacm.orders.columns import OrderTable, order_columns
 from emacm.orders.segment_plan import SegmentPlan, WeightedLines, padded_lines
 from emacm.orders.welch import WelchEstimator, samples_per_revolution
@@ -233,10 +233,6 @@ class OrderCrossSpectrum(WelchEstimator):
     bin_size : float, optional
         Width of bins [orders], up to `max_order`. Power and cross spectra are integrated over the
         bins before ratios are formed.
-    edges : array-like of shape (n_bins + 1,) or mapping of str to (low, high), optional
-        User-defined bins, as for `BinTransformer`.
-    stop_bands : sequence of (low, high)
-        Bands that are removed from the bins [orders].
     overlap : float
         Fraction of a segment that overlaps the next one, in [0, 1).
     by_direction : bool or "auto"
@@ -315,8 +311,6 @@ class OrderCrossSpectrum(WelchEstimator):
         kind: str | Sequence[str] = "response",
         form: str = "rectangular",
         bin_size: float | None = None,
-        edges: ArrayLike | Mapping[str, Band] | None = None,
-        stop_bands: Sequence[Band] = (),
         overlap: float = 0.5,
         by_direction: bool | str = False,
         short: str = "raise",
@@ -328,8 +322,6 @@ class OrderCrossSpectrum(WelchEstimator):
         self.kind = kind
         self.form = form
         self.bin_size = bin_size
-        self.edges = edges
-        self.stop_bands = stop_bands
         self.overlap = overlap
         self.by_direction = by_direction
         self.short = short
@@ -365,17 +357,14 @@ class OrderCrossSpectrum(WelchEstimator):
         self._form = check_choice(self.form, "form", tuple(FORMS))
         self._set_plan(samples_per_revolution(self.theta_s_))
         self._check_rows(rows)
-        bins = self._bins()
         self.bins_, self._operator = None, None
-        if bins is None:
-            self._columns_out = order_columns(self._quantities(), self.orders_)
-        else:
+        self._columns_out = order_columns(self._quantities(), self.orders_)
+        if self.bin_size is not None:
+            top = self.orders_[-1] if self.max_order is None else self.max_order
+            bins = named_bins(self.bin_size, top, None, ())
             self.bins_ = tuple(bins.values())
-            operator = bin_operator(self.orders_, self.bins_, stop_bands=self.stop_bands)
-            self._operator = sparse.csr_array(operator)
-            self._columns_out = tuple(
-                f"{name}@{bin_}" for name in self._quantities() for bin_ in bins
-            )
+            self._operator = sparse.csr_array(bin_operator(self.orders_, self.bins_))
+            self._columns_out = tuple(f"{name}@{b}" for name in self._quantities() for b in bins)
         return self
 
     def transform(self, X: Any) -> NDArray[np.floating]:
@@ -417,7 +406,7 @@ class OrderCrossSpectrum(WelchEstimator):
     def _estimate(self, row: AngleRecording) -> NDArray[np.floating]:
         """Estimate one recording, shape (n_pairs, n_quantities, n_directions, n_orders)."""
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            kinds = row.strokes_by_kind(self._plan.by_direction)
+            kinds = row.strokes_by_kind(self.plan_.by_direction)
             averages = [self._averages(row, strokes, kind) for kind, strokes in kinds]
             columns = np.stack([a.columns(self._kinds, self._form) for a in averages], axis=2)
         if not np.all(np.isfinite(columns)):
@@ -431,7 +420,7 @@ class OrderCrossSpectrum(WelchEstimator):
         self, row: AngleRecording, strokes: Sequence[AngleStroke], kind: str
     ) -> CrossAverages:
         """Average over the strokes that hold a segment, resampling them one block at a time."""
-        plan, peaks = self._plan, np.zeros(len(self.channels_))
+        plan, peaks = self.plan_, np.zeros(len(self.channels_))
         rows = [row.channels.index(name) for name in self.channels_]
         signals = [_with_peaks(stroke.blocks(rows), peaks) for stroke in strokes]
         lengths = [stroke.n_angles for stroke in strokes]
@@ -457,15 +446,6 @@ class OrderCrossSpectrum(WelchEstimator):
         ]
         signs = "+-" if self.by_direction_ else ("",)
         return [f"{x}*{y}:{name}{sign}" for x, y in self.pairs_ for name in names for sign in signs]
-
-    def _bins(self) -> dict[str, Band] | None:
-        if self.bin_size is None and self.edges is None:
-            if len(self.stop_bands):
-                raise ValueError("stop_bands are removed from bins; set bin_size or edges too.")
-            return None
-        size = 1.0 if self.bin_size is None else self.bin_size  # edges are given then
-        top = self.orders_[-1] if self.max_order is None else self.max_order
-        return named_bins(size, top, self.edges, self.stop_bands)
 
 
 def _with_peaks(

@@ -11,14 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import (
-    check_choice,
-    check_finite_table,
-    check_signal,
-    check_table,
-)
+from emacm._checks import check_choice, check_finite_table, check_signal, check_table
 from emacm.orders.columns import BARE_CHANNEL, OrderTable, order_columns
-from emacm.orders.segment_plan import SegmentPlan
 from emacm.orders.store import recalled
 from emacm.orders.welch import WelchEstimator, samples_per_revolution
 from emacm.recordings.inputs import as_list, described, refuse_single, run
@@ -89,6 +83,8 @@ class OrderPSD(WelchEstimator):
         Channels of the recordings.
     theta_s_ : float or None
         Angle between samples [rad].
+    plan_ : SegmentPlan
+        The segments that are averaged.
     n_features_in_ : int
         Samples of a row, where X is a 2-D table.
 
@@ -188,7 +184,7 @@ class OrderPSD(WelchEstimator):
             shortest = min(len(row) for row in rows)
             if self.n_per_segment_ > shortest:
                 self._set_plan(1.0, n_per_segment=shortest)
-        self.order_step_ = self._plan.order_step
+        self.order_step_ = self.plan_.order_step
         self._columns_out = self._column_names()
         self._names_in = getattr(self, "feature_names_in_", None)
         self._n_in = (
@@ -225,20 +221,14 @@ class OrderPSD(WelchEstimator):
                 "X holds plain rows, but OrderPSD was fitted on recordings of channels "
                 f"{list(self.channels_)}. Pass what OrderResampler returns, or fit again."
             )
-        estimate = self._plan.spectra_of
+        estimate = self.plan_.spectra_of
         options: dict[str, Any] = {"n_jobs": self.n_jobs, "verbose": self.verbose}
         options["names"] = [partial(_named, row, index) for index, row in enumerate(rows)]
         if self.memory is None:
             spectra = run(estimate, rows, **options)
         else:
-            spectra = recalled(estimate, rows, self.memory, self._plan, **options)
+            spectra = recalled(estimate, rows, self.memory, self.plan_, **options)
         return self.table_of(spectra)
-
-    @property
-    def plan(self) -> SegmentPlan:
-        """The segments that are averaged."""
-        check_is_fitted(self)
-        return self._plan
 
     def table_of(self, spectra: Sequence[NDArray[np.floating]]) -> NDArray[np.floating]:
         """Return the table of spectra that were estimated elsewhere, as `transform` does.
@@ -259,8 +249,7 @@ class OrderPSD(WelchEstimator):
         """Return the rows of X: recordings over shaft angle, or 1-D arrays."""
         if are_over_angle(X):
             return list(X)
-        listed = isinstance(X, str | PurePath | Sequence) or _object_vector(X)
-        rows = as_list(X) if listed else []
+        rows = as_list(X) if isinstance(X, str | PurePath | Sequence) else []
         if any(isinstance(row, AngleRecording | Recording | str | PurePath) for row in rows):
             return as_angle_recordings(rows, "OrderPSD")
         refuse_single(X)
@@ -320,14 +309,7 @@ def _named(row: AngleRecording | NDArray[np.floating], index: int) -> str:
     return described(row, index) if isinstance(row, AngleRecording) else f"row {index}"
 
 
-def _object_vector(X: Any) -> bool:
-    return isinstance(X, np.ndarray) and X.ndim == 1 and X.dtype.hasobject
-
-
 def _ragged(rows: list[Any]) -> bool:
-    """Tell whether these are one-dimensional rows of unequal length, or one is no array at all."""
-    try:
-        shapes = {np.shape(row) for row in rows}
-    except ValueError:
-        return True
+    """Tell whether these are one-dimensional rows of unequal length."""
+    shapes = {np.shape(row) for row in rows}
     return len(shapes) > 1 and all(len(shape) == 1 for shape in shapes)

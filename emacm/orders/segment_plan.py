@@ -7,7 +7,7 @@ Source: P. D. Welch, IEEE Trans. Audio Electroacoust. 15(2), 70-73, 1967; Chiric
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from emacm import _kernels
-from emacm._checks import check_real_array
+from emacm._checks import check_choice, check_count, check_number, check_real_array
 from emacm.resampling.angle_recording import AngleRecording
 
 Blocks = Iterable[NDArray[np.floating]]  # consecutive, of shape (n_channels, n_angles)
@@ -27,49 +27,99 @@ Lines = NDArray[np.complexfloating]  # shape (n_channels, n_segments, n_lines)
 WeightedLines = tuple[Lines, float]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class SegmentPlan:
     """How signals over shaft angle are cut, windowed, transformed and averaged.
 
-    `emacm.orders.welch.segment_plan` makes one from the options of a user.
+    The defaults of Welch's method are given here.
 
-    Attributes
+    Parameters
     ----------
     samples_per_rev : float
         Samples per shaft revolution, 2π/theta_s.
+    revolutions : float
+        Length of a segment; the distance between spectral lines is 1/revolutions (to the nearest
+        whole number of samples).
+    n_per_segment : int, optional
+        Length of a segment in samples, in place of `revolutions`.
+    window : str, tuple or array-like of shape (n_per_segment,)
+        As for `scipy.signal.get_window`. "hann" is Chirico, Eq. (2.17).
+    overlap : float
+        Fraction of a segment that overlaps the next one, in [0, 1).
+    detrend : {"constant", "linear", None, False}
+        What is removed from each segment. "constant" distorts the first two lines, so bins of
+        interest should begin above them.
+    scaling : {"density", "spectrum"}
+        "density" [U²/order] integrates to the mean square. In "spectrum" [U²] a tone of amplitude A
+        has the value A²/2, and lines must not be summed.
+    average : {"mean", "median"}
+        "median" is less affected by single shocks; it is corrected for its bias on noise, as in
+        `scipy.signal.welch`.
+    max_order : float, optional
+        Highest order of interest: lines above the first one at or above it are omitted.
+    by_direction : bool
+        Average forward and reverse strokes separately.
+    short : {"raise", "pad"}
+        For a recording whose strokes are all shorter than a segment: an error, or zero padding.
+
+    Attributes
+    ----------
     n_per_segment : int
         Samples of a segment, L in Chirico, Eqs. (2.14) to (2.22).
     step : int
         Samples from one segment to the next.
-    window : str, tuple or array
-        As for `scipy.signal.get_window`, or the samples of the window.
     weights : ndarray of shape (n_per_segment,)
         The samples of the window.
-    detrend : {"constant", "linear", None, False}
-        What is removed from each segment.
-    scaling : {"density", "spectrum"}
-        Unit² per order, or unit².
-    average : {"mean", "median"}
-        How segments are combined.
     n_orders : int
         Lines that are kept, from order 0 upwards.
-    by_direction : bool
-        Whether forward and reverse strokes are averaged separately.
-    short : {"raise", "pad"}
-        For a recording whose strokes are all shorter than a segment: an error, or zero padding.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an option is invalid.
     """
 
     samples_per_rev: float
-    n_per_segment: int
-    step: int
-    window: Any
-    weights: NDArray[np.floating]
-    detrend: Any
-    scaling: str
-    average: str
-    n_orders: int
+    _: KW_ONLY
+    revolutions: float = 16
+    n_per_segment: Any = None
+    window: Any = "hann"
+    overlap: float = 0.5
+    detrend: Any = "constant"
+    scaling: str = "density"
+    average: str = "mean"
+    max_order: float | None = None
     by_direction: bool = False
     short: str = "raise"
+
+    def __post_init__(self) -> None:
+        """Check the options, and set what follows from them."""
+        per_rev = check_number(self.samples_per_rev, "samples_per_rev", above=0)
+        if self.n_per_segment is not None:
+            length = check_count(self.n_per_segment, "n_per_segment", at_least=2)
+        else:
+            length = round(check_number(self.revolutions, "revolutions", above=0) * per_rev)
+        if not 2 <= length <= 1 << 31:
+            raise ValueError(
+                f"a segment must have 2 to 2**31 samples, got {length:.4g} from n_per_segment = "
+                f"{self.n_per_segment}, revolutions = {self.revolutions} and {per_rev:g} samples "
+                f"per revolution. Change one of them, or theta_s."
+            )
+        overlap = check_number(self.overlap, "overlap", at_least=0, below=1)
+        check_choice(self.detrend, "detrend", ("constant", "linear", None, False))
+        check_choice(self.scaling, "scaling", ("density", "spectrum"))
+        check_choice(self.average, "average", ("mean", "median"))
+        check_choice(self.by_direction, "by_direction", (True, False))
+        check_choice(self.short, "short", ("raise", "pad"))
+        self.n_orders = length // 2 + 1
+        if self.max_order is not None:
+            top = check_number(self.max_order, "max_order", at_least=0, unit="orders")
+            # The line at or above the limit is kept, so that bins up to it can be integrated.
+            self.n_orders = min(self.n_orders, int(np.ceil(top * length / per_rev - 1e-9)) + 1)
+        self.samples_per_rev, self.n_per_segment = per_rev, length
+        self.revolutions = length / per_rev  # exactly
+        self.step = length - min(int(overlap * length), length - 1)
+        self.weights = window_values(self.window, length)
 
     @property
     def order_step(self) -> float:
@@ -81,11 +131,6 @@ class SegmentPlan:
         """Orders of the spectral lines, shape (n_orders,)."""
         # Multiplied first, so that 3 lines of 1/10 order are at 0.3 exactly.
         return np.arange(self.n_orders) * self.samples_per_rev / self.n_per_segment
-
-    @property
-    def revolutions(self) -> float:
-        """Exact length of a segment [revolutions]."""
-        return self.n_per_segment / self.samples_per_rev
 
     @property
     def sides(self) -> NDArray[np.floating]:
@@ -162,10 +207,10 @@ class SegmentPlan:
         if self.short == "pad" and max(lengths, default=0) > 1:
             return (), (np.concatenate(list(blocks), axis=1) for blocks in signals)
         if not lengths or self.short == "pad":
-            remedy = "Leave it out"
-            if kind != "stroke":
-                remedy += ", or do not separate directions (by_direction=False)"
-            raise ValueError(f"it has no {kind} of two samples. {remedy}.")
+            raise ValueError(
+                f"it has no {kind} of two samples. Leave it out, or set by_direction=False where "
+                f"directions are separate."
+            )
         raise ValueError(
             f"no {kind} holds a segment of {self.revolutions:g} revolutions ({self.n_per_segment} "
             f"samples): its longest {kind} holds {max(lengths) / self.samples_per_rev:.4g}. Lower "
@@ -255,14 +300,10 @@ class SegmentPlan:
             batches = self._transforms(section, n_segments)
             lines = (transforms[..., : self.n_orders] for transforms in batches)
             return np.concatenate([part.real**2 + part.imag**2 for part in lines], axis=1)
-        loops, length = _kernels.loops, self.n_per_segment
         total = np.zeros((len(section), self.n_orders))
-        n_rows = max(1, loops.BLOCKS.segment_bytes // (8 * length))  # less memory for long segments
-        for row in range(0, len(section), n_rows):
-            rows = slice(row, row + n_rows)
-            for transforms in self._transforms(section[rows], n_segments):
-                loops.add_powers(transforms, total[rows])
-                del transforms  # before the next ones are made
+        for transforms in self._transforms(section, n_segments):
+            _kernels.loops.add_powers(transforms, total)
+            del transforms  # before the next ones are made
         return total
 
     def _transforms(self, section: NDArray[np.floating], n_segments: int) -> Iterator[Lines]:
@@ -270,7 +311,7 @@ class SegmentPlan:
         loops, length, linear = _kernels.loops, self.n_per_segment, self.detrend == "linear"
         if section.dtype != np.float64 or not section.flags.c_contiguous:  # what is read only
             section = np.ascontiguousarray(section, np.float64)
-        at_once = max(1, loops.BLOCKS.segment_bytes // (8 * length * len(section)))
+        at_once = max(1, loops.SEGMENT_BYTES // (8 * length * len(section)))
         window = np.ones(length) if linear else self.weights
         for start in range(0, n_segments, at_once):
             segments = np.empty((len(section), min(at_once, n_segments - start), length))

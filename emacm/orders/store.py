@@ -87,9 +87,8 @@ def recalled(
     memory: Any,
     plan: SegmentPlan,
     *,
-    names: Sequence[Callable[[], str]] | None = None,
-    n_jobs: int | None = None,
-    verbose: bool | int = False,
+    names: Sequence[Callable[[], str]],
+    **options: Any,
 ) -> list[Spectrum]:
     """Return the spectrum of each row, and estimate those that are not kept; equal rows once.
 
@@ -103,7 +102,7 @@ def recalled(
         Where spectra are kept.
     plan : SegmentPlan
         What the spectra depend on besides the rows.
-    names, n_jobs, verbose
+    names, **options
         See `emacm.recordings.inputs.run`.
 
     Returns
@@ -111,8 +110,7 @@ def recalled(
     list of ndarray
     """
     recall = open_memory(memory).cache(_estimated, ignore=["row", "estimate"])
-    known = {item.name: getattr(plan, item.name) for item in fields(plan)}
-    settings = joblib.hash((known, __version__))
+    settings = joblib.hash((vars(plan), __version__))
     keys = [spectrum_key(row, settings) for row in rows]
     first: dict[str, int] = {}
     for index, key in enumerate(keys):
@@ -121,9 +119,8 @@ def recalled(
         partial(recall, estimate=estimate),
         list(first),
         [rows[index] for index in first.values()],
-        names=None if names is None else [names[index] for index in first.values()],
-        n_jobs=n_jobs,
-        verbose=verbose,
+        names=[names[index] for index in first.values()],
+        **options,
     )
     spectra = dict(zip(first, found, strict=True))
     return [spectra[key] for key in keys]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
+from mmap import mmap
 from numbers import Real
 from typing import Any
 
@@ -12,7 +13,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm._checks import check_number, check_signal, check_unique_columns
-from emacm.recordings.digests import is_mapped, owner
 from emacm.recordings.names import is_time_name
 from emacm.shaft.angle import angle_from_wrapped, is_wrapped
 from emacm.shaft.motion import Series
@@ -31,18 +31,13 @@ def check_signals(signals: Any) -> dict[str, NDArray[np.floating]]:
         )
     if not signals:
         raise ValueError("signals is empty; a recording needs at least one channel.")
-    check_are_names(signals)
+    for name in signals:
+        if not isinstance(name, str) or not name:
+            raise TypeError(f"channel names must be non-empty strings, got {name!r}.")
     return {
         name: immutable(check_signal(values, f"channel {name!r}"))
         for name, values in signals.items()
     }
-
-
-def check_are_names(names: Iterable[Any]) -> None:
-    """Raise a TypeError if the name of a channel is no text, or is empty."""
-    for name in names:
-        if not isinstance(name, str) or not name:
-            raise TypeError(f"channel names must be non-empty strings, got {name!r}.")
 
 
 def _refuse_other_columns(columns: Mapping[Any, pd.Series]) -> None:
@@ -207,6 +202,10 @@ def immutable(array: NDArray[np.floating]) -> NDArray[np.floating]:
     Arrays over `bytes` and over memory maps that were opened read-only are kept as they are;
     all others are copied, as a read-only array may be made writeable again by its owner.
     """
-    if isinstance(owner(array), bytes) or is_mapped(array):
+    owner: Any = array
+    while isinstance(owner, np.ndarray) and not owner.flags.writeable:
+        owner = owner.base
+    is_mapped = isinstance(owner, mmap) and memoryview(owner).readonly
+    if is_mapped or isinstance(owner, bytes):
         return array
     return np.frombuffer(array.tobytes(), array.dtype).reshape(array.shape)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mmap
 import os
 import stat
 from collections.abc import Iterable, Mapping
@@ -73,19 +72,6 @@ def _digest_of_file(path: str, size: int, written: int) -> str:
         return file_digest(file, "sha256").hexdigest()
 
 
-def owner(array: Any) -> Any:
-    """Return what owns the memory of a read-only array; itself if it can be written to."""
-    while isinstance(array, np.ndarray) and not array.flags.writeable:
-        array = array.base
-    return array
-
-
-def is_mapped(array: Any) -> bool:
-    """Tell whether an array is a read-only memory map, or a view of one."""
-    memory = owner(array)
-    return isinstance(memory, mmap.mmap) and memoryview(memory).readonly
-
-
 class Recent(Generic[Value]):
     """Values by key, up to a number of bytes; the one that was not used for longest is dropped.
 
@@ -112,8 +98,8 @@ class Recent(Generic[Value]):
     """
 
     def __init__(self, bytes_limit: int) -> None:
-        self._limit, self._lock = bytes_limit, Lock()
-        self.clear()
+        self._limit, self._lock, self._bytes = bytes_limit, Lock(), 0
+        self._held: dict[Any, tuple[Value, int]] = {}
 
     def get(self, key: Any) -> Value | None:
         """Return the value of a key, or None if it is not kept."""
@@ -136,11 +122,6 @@ class Recent(Generic[Value]):
         """Drop the value of a key, if it is kept."""
         with self._lock:
             self._bytes -= self._held.pop(key, (None, 0))[1]
-
-    def clear(self) -> None:
-        """Drop all values."""
-        self._held: dict[Any, tuple[Value, int]] = {}
-        self._bytes = 0
 
 
 _NO_RESULT = ("n_jobs", "memory", "verbose")  # parameters that change no result

@@ -21,7 +21,7 @@ from sklearn.base import TransformerMixin
 from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import located_error, once_hint
+from emacm._checks import located, once_hint
 from emacm._saved import SavedEstimator
 from emacm.recordings.names import check_channel_names as check_channel_names
 from emacm.recordings.names import chosen_channels as chosen_channels
@@ -180,22 +180,12 @@ def received(value: Any) -> str:
     """
     if isinstance(value, str | PurePath):
         return f"{str(value)!r}. Files are not opened here: use open_recording(path, layout)."
-    return f"{kind_of(value)}.{once_hint(value)}"
-
-
-def kind_of(value: Any) -> str:
-    """Name a value without its content.
-
-    Examples
-    --------
-    >>> kind_of(2.5), kind_of([])
-    ('2.5', 'a list')
-    """
-    if value is None or isinstance(value, str | bool | int | float):
-        return repr(value)
-    package, name = type(value).__module__.partition(".")[0], type(value).__name__
-    foreign = name == "DataFrame" and package != "pandas"
-    return f"a {package} {name}, which is not a pandas one" if foreign else f"a {name}"
+    if value is None or isinstance(value, bool | int | float):
+        return f"{value!r}."
+    name = type(value).__name__
+    if name == "DataFrame" and not isinstance(value, pd.DataFrame):
+        name = f"{type(value).__module__.partition('.')[0]} {name}, which is not a pandas one"
+    return f"a {name}.{once_hint(value)}"
 
 
 Self = TypeVar("Self", bound="RecordingTransformer")
@@ -255,7 +245,6 @@ def run(
     names: Sequence[Callable[[], str]] | None = None,
     n_jobs: int | None = None,
     verbose: bool | int = False,
-    unit: str = "recording",
     prefer: str = "threads",
 ) -> list[Any]:
     """Call a function for each recording, under joblib's active backend; by default, in threads.
@@ -273,8 +262,6 @@ def run(
     verbose : bool or int
         Report to stderr how many recordings are done, the rate and the time left: by tqdm, if it is
         installed, otherwise by joblib.
-    unit : str
-        Name of one call in the report, if it is not a recording.
     prefer : {"threads", "processes"}
         Default backend.
 
@@ -305,7 +292,7 @@ def run(
         if bar is None:
             return Parallel(n_jobs=n_jobs, verbose=int(verbose), prefer=prefer)(tasks)
         parallel = Parallel(n_jobs=n_jobs, prefer=prefer, return_as="generator")
-        return list(bar(parallel(tasks), total=len(tasks), unit=unit))
+        return list(bar(parallel(tasks), total=len(tasks), unit="recording"))
 
 
 def _in_dask_task() -> bool:
@@ -321,10 +308,8 @@ def _in_dask_task() -> bool:
 
 
 def _located(function: Callable[..., Any], name: Callable[[], str], *values: Any) -> Any:
-    try:
+    with located(name):
         return function(*values)
-    except (TypeError, ValueError) as error:
-        raise located_error(error, name()) from error
 
 
 def _bar() -> Any:

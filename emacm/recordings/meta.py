@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 from emacm._checks import check_unique_columns, located, once_hint
 from emacm.recordings.inputs import as_list, described
 
+_FORMS = "{} must be a key of meta such as 'load', a tuple of keys, or a function of the recording"
+
 
 @dataclass(frozen=True)
 class Grouping:
@@ -233,11 +235,8 @@ def _is_array(keys: Any) -> bool:
 
 def _array_values(values: Any, X: Any, role: str, accepted: bool) -> list[Any]:
     if not accepted:
-        raise TypeError(
-            f"{role} must be a key of meta such as 'load', a tuple of keys, or a function of the "
-            f"recording; got {reprlib.repr(values)}. An array is not split along with the "
-            f"recordings: put its values into their meta."
-        )
+        hint = " An array is not split along with the recordings: put its values into their meta."
+        raise TypeError(f"{_FORMS.format(role)}; got {reprlib.repr(values)}.{hint}")
     n_recordings = X.shape[0] if hasattr(X, "shape") else len(X)
     shape = np.shape(values) if hasattr(values, "__array__") else (len(values),)
     if shape != (n_recordings,):
@@ -252,10 +251,7 @@ def _named_keys(keys: Any, role: str) -> tuple[Any, ...]:
     """Return the keys as a tuple."""
     names = keys if isinstance(keys, tuple) else (keys,)
     if not names or any(not isinstance(n, Hashable) or isinstance(n, Iterator) for n in names):
-        raise TypeError(
-            f"{role} must be a key of meta such as 'load', a tuple of keys, or a function of the "
-            f"recording; got {keys!r}.{once_hint(keys)}"
-        )
+        raise TypeError(f"{_FORMS.format(role)}; got {keys!r}.{once_hint(keys)}")
     return names
 
 

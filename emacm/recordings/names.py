@@ -122,8 +122,8 @@ def check_channel_names(known: Sequence[Any], channels: Sequence[Any], where: st
     if missing:
         raise ValueError(
             f"{where} has no channel {missing[0]!r}; its channels are {list(known)}, expected "
-            f"were {list(channels)}. If the names differ, use Recording.rename, or channels = "
-            f"{{name: column}} in the Layout of a file."
+            f"were {list(channels)}. If the names differ, set channels = {{name: column}} in the "
+            f"Layout of a file, or make the Recording with these names."
         )
 
 

@@ -49,15 +49,6 @@ class ComputedSeries(LazySeries):
         inner = [self._signal] if isinstance(self._signal, ComputedSeries) else []
         return f"{type(self).__name__}({', '.join(map(repr, [*parameters, *inner]))})"
 
-    def __eq__(self, other: object) -> bool:
-        """Two are equal if kind, parameters and signal are."""
-        if not isinstance(other, type(self)):
-            return NotImplemented
-        same_kind = repr(self) == repr(other) and self.dtype == other.dtype
-        return same_kind and all(map(np.array_equal, self.sources, other.sources))
-
-    __hash__ = None  # type: ignore[assignment]
-
     def __getstate__(self) -> dict[str, Any]:
         """Return all but what follows from the rest."""
         return {name: value for name, value in vars(self).items() if name not in self._prepared}
@@ -68,28 +59,3 @@ class ComputedSeries(LazySeries):
         if isinstance(self._signal, np.ndarray):
             self._signal = immutable(self._signal)
         self._prepare()
-
-    def __getitem__(self, key: Any) -> Any:
-        """Return one sample, a slice, or samples at an array of indices."""
-        if not isinstance(key, np.ndarray):
-            return super().__getitem__(key)
-        index = np.arange(len(self))[key]
-        low, high = int(index.min(initial=len(self))), int(index.max(initial=-1)) + 1
-        return self.read(low, high)[index - low] if low < high else np.empty(0, self.dtype)
-
-    def _mirrored(self, start: int, stop: int) -> NDArray[np.floating]:
-        """Return samples of the measured signal, and of its mirror image beyond its ends."""
-        n_times = len(self)
-        before, after = max(-start, 0), max(stop - n_times, 0)
-        # One slice, from which the mirror images are taken too: reading may mean computing.
-        low = min(max(start, 0), n_times - 1 - after)
-        high = max(min(stop, n_times), before + 1)
-        read = np.asarray(self._signal[low:high])
-        if not (before or after):
-            return read
-        values = np.empty(stop - start, read.dtype)
-        inner = read[max(start, 0) - low : min(stop, n_times) - low]
-        values[before : before + len(inner)] = inner
-        values[:before] = read[1 - low : before + 1 - low][::-1]
-        values[len(values) - after :] = read[n_times - 1 - after - low : n_times - 1 - low][::-1]
-        return values

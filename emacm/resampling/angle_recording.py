@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import isclose
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,14 +13,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from emacm import _kernels
-from emacm._checks import (
-    check_choice,
-)
-from emacm.recordings.inputs import (
-    as_recordings,
-    check_channels,
-    described,
-)
+from emacm._checks import check_choice
+from emacm.recordings.inputs import as_recordings, check_channels, described
 from emacm.recordings.recording import Recording
 from emacm.resampling.spreading import spread_rows
 from emacm.shaft.motion import Series, ShaftPath
@@ -28,39 +22,12 @@ from emacm.shaft.motion import Series, ShaftPath
 INTERPOLATIONS = ("linear", "cubic")
 
 
-class KeptSignals:
-    """Blocks of resampled signals, stroke by stroke, up to a total size.
-
-    Signals that do not fit are resampled whenever they are read. Blocks are kept as they were
-    computed, so that the sums of all readers are identical bit for bit. There is no lock: two
-    threads that read the same stroke at the same time may both resample it.
-
-    Parameters
-    ----------
-    max_bytes : int
-        Size up to which signals are kept.
-    """
-
-    def __init__(self, max_bytes: int) -> None:
-        self._free = max_bytes
-        self._blocks: dict[Any, list[NDArray[np.floating]]] = {}
-
-    def blocks(
-        self, key: Any, n_bytes: int, stream: Iterator[NDArray[np.floating]]
-    ) -> Iterator[NDArray[np.floating]]:
-        """Return the blocks that are kept as `key`, or those of `stream`, kept if they fit."""
-        if key not in self._blocks and n_bytes <= self._free:
-            self._free -= n_bytes
-            self._blocks[key] = list(stream)
-        return iter(self._blocks.get(key, stream))
-
-
 @dataclass(frozen=True)
 class AngleRecording:
     """The strokes of one recording at uniform shaft angles.
 
     It holds the recording and how to resample it, not the result: a stroke is
-    resampled each time its `signals` are read, unless a `SignalCache` keeps them.
+    resampled each time its `signals` are read.
 
     Attributes
     ----------
@@ -82,8 +49,6 @@ class AngleRecording:
         Revolutions of the shaft of interest per revolution of the measured shaft.
     max_rest : float or None
         Longest time at standstill that does not end a stroke [s].
-    kept : KeptSignals or None
-        Signals that are kept for the next reader; neither pickled nor compared.
     """
 
     measured: Recording = field(repr=False)  # joblib.Memory asks for the repr of what it keeps
@@ -95,21 +60,12 @@ class AngleRecording:
     min_speed: float = 0.0
     ratio: float = 1.0
     max_rest: float | None = None
-    kept: KeptSignals | None = field(default=None, repr=False, compare=False, kw_only=True)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return the fields, for pickle and joblib's hash; nothing that is computed from them."""
-        return {**vars(self), "kept": None}
 
     @property
     def timed(self) -> list[tuple[Series, float]]:
         """Each channel over time, and its sampling rate [Hz]."""
         series, fs = self.measured.series, self.measured.fs
         return [(series[name], fs[name]) for name in self.channels]
-
-    def keeping(self, max_bytes: int) -> Self:
-        """Return the same recording, which keeps resampled signals up to this size."""
-        return replace(self, kept=KeptSignals(max_bytes))
 
     @property
     def meta(self) -> Mapping[Any, Any]:
@@ -205,12 +161,8 @@ class AngleStroke:
     @property
     def signals(self) -> NDArray[np.floating]:
         """The channels at these angles, shape (n_channels, n_angles); resampled now."""
-        resampled = np.empty((len(self.parent.channels), self.n_angles), self.parent.dtype)
-        done = 0
-        for block in self.blocks(range(len(resampled))):
-            resampled[:, done : done + block.shape[1]] = block
-            done += block.shape[1]
-        return resampled
+        blocks = list(self.blocks(range(len(self.parent.channels))))
+        return np.concatenate(blocks, axis=1, dtype=self.parent.dtype)
 
     def blocks(self, rows: Sequence[int]) -> Iterator[NDArray[np.floating]]:
         """Resample channels block by block, for strokes of any length.
@@ -223,30 +175,28 @@ class AngleStroke:
         Returns
         -------
         iterator of ndarray of shape (n_rows, n_angles)
-            Consecutive blocks, of at most some hundred thousand samples. They may be kept for
-            other readers, so they must not be changed.
+            Consecutive blocks, of at most some hundred thousand samples; of channels of several
+            sampling rates, a single one.
         """
-        wanted = [[row for row in rows if row in group] for group in self.parent.rate_groups]
-        groups = list(filter(None, wanted))
-        if len(groups) == 1:
+        groups = [[row for row in rows if row in group] for group in self.parent.rate_groups]
+        if sum(map(bool, groups)) == 1:
             return self._of_one_rate(rows)
-        places = [[list(rows).index(row) for row in group] for group in groups]
-        return _align_streams([self._of_one_rate(group) for group in groups], places)
+        joined = np.empty((len(rows), self.path.count(self.parent.theta_s)))
+        for group in filter(None, groups):
+            places = [rows.index(row) for row in group]
+            joined[places] = np.concatenate(list(self._of_one_rate(group)), axis=1)
+        return iter([joined])
 
     def _of_one_rate(self, rows: Sequence[int]) -> Iterator[NDArray[np.floating]]:
         """Resample channels of one sampling rate block by block."""
-        parent, path = self.parent, self.path
-        timed = parent.timed
+        parent, timed = self.parent, self.parent.timed
         series, rates = zip(*(timed[row] for row in rows), strict=True)
         n_times = min(map(len, series))  # equal to within one sample
         signals = [s if len(s) == n_times else s[:n_times] for s in series]
-        grid = signals, rates[0], path, parent.theta_s
-        spread = parent.antialias
-        stream = spread_rows(*grid) if spread else interpolated(*grid, parent.interpolation)
-        if parent.kept is None:
-            return stream
-        key = (path.start_time, path.start_angle, path.direction, path.n_times, *rows)
-        return parent.kept.blocks(key, 8 * len(rows) * path.count(parent.theta_s), stream)
+        grid = signals, rates[0], self.path, parent.theta_s
+        if parent.antialias:
+            return spread_rows(*grid)
+        return interpolated(*grid, parent.interpolation)
 
 
 def jump_warning(recording: Recording) -> tuple[float, str]:
@@ -259,24 +209,6 @@ def jump_warning(recording: Recording) -> tuple[float, str]:
         f"({jump.sample / recording.shaft_fs:.6g} s), faster than a shaft can move: an encoder "
         f"that slips, or a spike. Repair it, or cut the recording there"
     )
-
-
-def _align_streams(
-    streams: Sequence[Iterator[NDArray[np.floating]]], places: Sequence[Sequence[int]]
-) -> Iterator[NDArray[np.floating]]:
-    """Join streams of blocks of unequal lengths to blocks of all rows, each at its place."""
-    held: list[NDArray[np.floating] | None] = [next(stream, None) for stream in streams]
-    while all(block is not None for block in held):
-        parts = [block for block in held if block is not None]
-        length = min(part.shape[1] for part in parts)
-        joint = np.empty((sum(map(len, places)), length), np.result_type(*parts))
-        for place, part in zip(places, parts, strict=True):
-            joint[place] = part[:, :length]
-        if length:
-            yield joint
-        for number, part in enumerate(parts):
-            more = part.shape[1] > length
-            held[number] = part[:, length:] if more else next(streams[number], None)
 
 
 def interpolated(
@@ -311,10 +243,10 @@ def interpolated(
     loops = _kernels.loops
     # Less at once where the angle grid is dense, so that it takes no more memory than the signals;
     # a spline needs ten times the memory of its samples.
-    at_once = loops.BLOCKS.interpolated // (1 if interpolation == "linear" else 4)
+    at_once = loops.INTERPOLATED_AT_ONCE // (1 if interpolation == "linear" else 4)
     at_once = max(2, int(at_once / max(1.0, path.fastest / (fs * theta_s))))
-    for start, stop in _parts(first, last - 1, at_once):
-        stop += 1  # the sample that the next part begins with
+    for start in range(first, last - 1, at_once):
+        stop = min(start + at_once, last - 1) + 1  # the sample that the next part begins with
         travel = path.travel_at(fs, start, stop)
         # A shaft that stands or shivers repeats angles; what counts is when it passes them for
         # good.
@@ -334,19 +266,6 @@ def interpolated(
                 value[:] = _spline(row, start, stop, indices)
         yield values
         done = end
-
-
-def _parts(start: int, stop: int, at_most: int) -> Iterator[tuple[int, int]]:
-    """Divide a range into as few parts as possible, of about equal length; yield their ends.
-
-    Examples
-    --------
-    >>> list(_parts(0, 10, 4))
-    [(0, 3), (3, 6), (6, 10)]
-    """
-    count = max(0, -((start - stop) // at_most))
-    for k in range(count):
-        yield start + k * (stop - start) // count, start + (k + 1) * (stop - start) // count
 
 
 def _spline(

@@ -12,7 +12,6 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import (
     check_choice,
-    check_count,
     check_number,
     check_real_array,
     check_unique_columns,
@@ -29,12 +28,7 @@ from emacm.recordings.inputs import (
     run,
 )
 from emacm.recordings.recording import Recording
-from emacm.resampling.angle_recording import (
-    INTERPOLATIONS,
-    AngleRecording,
-    as_angle_recordings,
-    jump_warning,
-)
+from emacm.resampling.angle_recording import INTERPOLATIONS, AngleRecording, jump_warning
 from emacm.resampling.quality import recording_quality
 from emacm.resampling.training_range import (
     Statement,
@@ -53,8 +47,7 @@ def check_angle_step(theta_s: Any) -> float:
     Parameters
     ----------
     theta_s : float
-        Angle between samples [rad], at most π. A rounded float32 (or float16) value of 2π/n is
-        replaced by 2π/n.
+        Angle between samples [rad], at most π.
 
     Returns
     -------
@@ -64,11 +57,6 @@ def check_angle_step(theta_s: Any) -> float:
     ------
     TypeError, ValueError
         If it is not a number above 0 and at most π.
-
-    Examples
-    --------
-    >>> check_angle_step(np.float32(2 * np.pi / 64)) == 2 * np.pi / 64
-    True
     """
     step = check_number(theta_s, "theta_s", above=0, unit="rad per sample")
     if step > np.pi:
@@ -77,10 +65,6 @@ def check_angle_step(theta_s: Any) -> float:
             f"angle between samples, not their number: for {step:g} samples per revolution, write "
             f"theta_s=2 * np.pi / {step:g}."
         )
-    if isinstance(theta_s, np.floating) and theta_s.dtype.itemsize < 8:
-        exact = 2 * np.pi / round(2 * np.pi / step)
-        if theta_s == theta_s.dtype.type(exact):
-            return exact
     return step
 
 
@@ -314,16 +298,10 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
 
     def over_angle(self, recording: Recording, channels: Sequence[str]) -> AngleRecording:
         """Return channels of one recording over the shaft angle, without any check of it."""
+        step, antialias = check_angle_step(self.theta_s), bool(self.antialias)
+        motion = self.direction, float(self.min_speed), float(self.ratio), self.max_rest
         return AngleRecording(
-            recording,
-            tuple(channels),
-            check_angle_step(self.theta_s),
-            interpolation=self.interpolation,
-            antialias=bool(self.antialias),
-            direction=self.direction,
-            min_speed=float(self.min_speed),
-            ratio=float(self.ratio),
-            max_rest=self.max_rest,
+            recording, tuple(channels), step, self.interpolation, antialias, *motion
         )
 
     def _rows(self, X: Any, known: Sequence[str] | None = None) -> list[AngleRecording]:
@@ -418,90 +396,3 @@ def _bare_channels(entry: Any) -> dict[str, Any]:
             f"it has one row per sample."
         )
     return {f"x{i}": row for i, row in enumerate(array)}
-
-
-class SignalCache(RecordingTransformer, auto_wrap_output_keys=None):  # type: ignore[call-arg]
-    """Keep the resampled signals of recordings for all members of a `FeatureUnion`.
-
-    Recordings over the shaft angle are resampled whenever an estimator reads them. A
-    `FeatureUnion` gives all recordings to its members one after the other, so each member resamples
-    them again. With this step before the union, strokes are found and signals resampled once.
-    The results are identical bit for bit. Signals are released with the recordings, when the union
-    is done.
-
-    Parameters
-    ----------
-    max_bytes : int
-        Largest size of all signals that are kept in one call of `transform` [bytes]. Each
-        recording may use an equal share; what does not fit is resampled again by each member.
-
-    Attributes
-    ----------
-    channels_ : tuple of str
-        Channels of the recordings.
-
-    Notes
-    -----
-    Threads share the kept signals. Kept signals are neither pickled nor included in joblib's hash,
-    so each worker process resamples again.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from sklearn.pipeline import make_pipeline, make_union
-    >>> from emacm import OrderPSD, OrderResampler, Recording, RecordingStatistics
-    >>> rng = np.random.default_rng(0)
-    >>> run = Recording({"torque": rng.normal(size=4000)}, 1000, velocity=np.full(4000, 50.0))
-    >>> union = make_union(OrderPSD(4), RecordingStatistics(by_direction=False))
-    >>> make_pipeline(OrderResampler(), SignalCache(), union).fit_transform([run]).shape
-    (1, 263)
-    """
-
-    def __init__(self, max_bytes: int = 1 << 28) -> None:
-        self.max_bytes = max_bytes
-
-    def fit(self, X: Any, y: Any = None) -> SignalCache:
-        """Check the recordings; nothing is resampled.
-
-        Parameters
-        ----------
-        X : list of AngleRecording
-            Recordings over the shaft angle.
-        y : ignored
-
-        Returns
-        -------
-        SignalCache
-            Itself.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If X is not such a list, or `max_bytes` is not a number of bytes.
-        """
-        check_count(self.max_bytes, "max_bytes", at_least=0)
-        self.channels_ = as_angle_recordings(X, "SignalCache")[0].channels
-        return self
-
-    def transform(self, X: Any) -> list[AngleRecording]:
-        """Return the recordings, which keep their signals from now on.
-
-        Parameters
-        ----------
-        X : list of AngleRecording
-            Recordings with the channels seen in `fit`.
-
-        Returns
-        -------
-        list of AngleRecording
-
-        Raises
-        ------
-        TypeError, ValueError
-            If X is not such a list, or a recording has other channels.
-        """
-        check_is_fitted(self)
-        rows = as_angle_recordings(X, "SignalCache")
-        check_channels(rows, self.channels_, others=False, ordered=True)
-        share = check_count(self.max_bytes, "max_bytes", at_least=0) // len(rows)
-        return [row.keeping(share) for row in rows]

@@ -18,7 +18,7 @@ from scipy.ndimage import maximum_filter1d
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording, jump_warning
 from emacm.resampling.spreading import DESIGN
-from emacm.shaft.motion import LazySeries, Series, ShaftPath, blocks
+from emacm.shaft.motion import Series, ShaftPath, blocks, sources
 
 Array = NDArray[np.float64]
 
@@ -148,13 +148,10 @@ def _motion_findings(
     if not row["strokes"]:
         yield Finding("standstill", "the shaft never turns")
     if DESIGN.flat * np.pi / theta_s > row["max_order"]:
-        is_envelope = _highest_frequency(recording, slowest) < recording.fs[slowest] / 2
-        reason = (
-            "the width of the band of the envelope" if is_envelope else "half its sampling rate"
-        )
         text = (
             f"channel {slowest!r} has no content above order {row['max_order']:.4g} at the highest "
-            f"speed ({reason}), though theta_s reaches order {np.pi / theta_s:.4g}"
+            f"speed (half its sampling rate, or the width of the band of an envelope), though "
+            f"theta_s reaches order {np.pi / theta_s:.4g}"
         )
         yield Finding("order", text)
     if n_short > 10:  # so many look like noise
@@ -320,8 +317,7 @@ def check_channel(
     >>> check_channel(np.zeros(100), "current").defect
     'constant'
     """
-    if isinstance(series, LazySeries) and series.sources:
-        series = series.sources[0]
+    series = sources(series)[0]
     rows, starts = _sampled(series, settings)
     low, high, n = float(rows.min()), float(rows.max()), len(series)
     largest = max(high, -low) or 1.0

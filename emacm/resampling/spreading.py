@@ -32,7 +32,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from emacm import _kernels
-from emacm.shaft.motion import Series, ShaftPath
+from emacm.shaft.motion import Series, ShaftPath, mirrored
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,9 @@ class GridDesign:
     densest : int
         Dense samples for each sample of the signal, of the shaft and of the result, beyond which
         the shaft has jumped.
+    first, margin : int
+        Point that the filter of the first output reads first, half of `width`; fine grid points
+        that are needed beyond either end of the stroke, `half` more.
     """
 
     flat: float = 0.78
@@ -81,16 +84,8 @@ class GridDesign:
     mean_of: int = 5000
     fewest: int = 16
     densest: int = 64
-
-    @property
-    def first(self) -> int:
-        """Point that the filter of the first output reads first."""
-        return self.width // 2
-
-    @property
-    def margin(self) -> int:
-        """Fine grid points that are needed beyond either end of the stroke."""
-        return self.half + self.first
+    first: int = 2
+    margin: int = 22
 
 
 DESIGN = GridDesign()
@@ -199,7 +194,7 @@ class Spreading:
         # Less at once where the angle grid is dense, so that it takes no more memory than the
         # signals.
         density = 4 * path.fastest / (self._fs * self._factor * self._theta_s)
-        at_once = max(1, int(grid.loops.BLOCKS.spread / max(1.0, density)) // part) * part
+        at_once = max(1, int(grid.loops.SPREAD_AT_ONCE / max(1.0, density)) // part) * part
         while self._next < last:
             stop = min(self._next + at_once, last)
             resampled = [grid.add(self._dense_block(rows, path, stop, complete and stop == last))]
@@ -303,11 +298,8 @@ class Block(NamedTuple):
 
     def since(self, angle: float) -> Block:
         """Return the samples after the last one up to an angle."""
-        n_times, size = len(self.travel), 1024
-        while size < n_times and self.travel[-size:].min() > angle:  # most often not even once
-            size *= 4
-        passed = np.flatnonzero(self.travel[-size:] <= angle)
-        first = max(0, n_times - size) + int(passed[-1]) + 1 if len(passed) else 0
+        passed, n_times = self.travel[::-1] <= angle, len(self.travel)
+        first = n_times - int(passed.argmax()) if passed.any() else 0
         return self.cut(first, n_times)
 
 
@@ -392,8 +384,8 @@ class FineGrid:
         outputs = np.empty((len(self.means), n_angles - self._done))
         if outputs.shape[1]:
             self._use(DESIGN.first + 2 * (outputs.shape[1] - 1) + 1 + 2 * DESIGN.half)
-            held, taps = (self._grid, self._used, DESIGN.first), _decimating_filter()
-            self.loops.decimate(*held, taps, self.means, outputs, 0, outputs.shape[1])
+            filtered = (DESIGN.first, _decimating_filter()), self.means, (outputs, 0)
+            self.loops.decimate(self._grid, self._used, *filtered, outputs.shape[1])
         return outputs
 
     def state(self) -> dict[str, Any]:
@@ -436,7 +428,7 @@ class FineGrid:
         complete = np.maximum(self._n_complete(reached), 0)
         before = np.concatenate([[0], complete[:-1]])
         n_points = np.maximum(tops, self._used) - 2 * before
-        self._reach(int(n_points.max()))
+        self._use(int(n_points.max()))
         steps = self._part, n_points, complete - before
         self._run(block, (1 / self._step, self._offset), steps, (outputs, done))
         self._reached = float(reached[-1])
@@ -455,23 +447,18 @@ class FineGrid:
         one_part = len(block.travel), np.array([self._used]), np.zeros(1, int)
         self._run(block, (sign / self._step, offset), one_part, (self._grid[:, :0], 0))
 
-    def _run(self, block: Block, place: Any, steps: Any, made: Any) -> None:
+    def _run(self, block: Block, place: Any, parts: Any, made: Any) -> None:
         """Run the inner loop: scale and offset of angles; parts; outputs and those filled."""
-        rows = block.values, self.means, self._grid
-        filtered = DESIGN.first, _decimating_filter()
-        self.loops.resample(block.near, *place, _kernel_halves(), *rows, *steps, *filtered, *made)
+        rows, lowpass = (block.values, self.means, self._grid), (DESIGN.first, _decimating_filter())
+        self.loops.resample(block.near, place, _kernel_halves(), *rows, parts, lowpass, made)
 
     def _use(self, n_points: int) -> None:
         """Have at least so many points in use."""
-        self._reach(n_points)
-        self._used = max(self._used, n_points)
-
-    def _reach(self, n_points: int) -> None:
-        """Hold at least so many points."""
         if n_points > self._grid.shape[1]:
             longer = np.zeros((len(self._grid), n_points + n_points // 4))
             longer[:, : self._used] = self._grid[:, : self._used]
             self._grid = longer
+        self._used = max(self._used, n_points)
 
     def _tail_with(self, block: Block) -> Block:
         """Return the samples that a mirror image at the end may contain, some more added."""
@@ -515,12 +502,8 @@ def _upsampled(
     """Return samples `start` to `stop` of the rows at `factor` times their rate."""
     low = start // factor - DESIGN.upsampling_half
     high = -(-stop // factor) + DESIGN.upsampling_half + 1
-    last = len(rows[0]) - 1
-    places: Any = slice(low, high)
-    if low < 0 or high > last + 1:  # mirrored at the ends of the recording
-        places = np.abs((np.arange(low, high) + last) % (2 * last) - last)
     wanted = _upsampling_filter(factor), factor, start - low * factor, stop - start
-    return [_kernels.loops.upsample(row[places], *wanted) for row in rows]
+    return [_kernels.loops.upsample(mirrored(row, low, high), *wanted) for row in rows]
 
 
 @lru_cache(maxsize=32)

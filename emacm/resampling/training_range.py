@@ -206,8 +206,7 @@ def warn_of_statements(
 
 
 def _speed(row: Mapping[str, float], known: Mapping[str, Range]) -> list[Statement]:
-    low, high = known["fastest"]
-    fastest, least = row["fastest"], known["slowest"][0]
+    (low, high), fastest = known["fastest"], row["fastest"]
     if low / LIMITS.factor <= fastest <= high * LIMITS.factor:
         return []
     factor = fastest / high if fastest > high else fastest / low
@@ -215,12 +214,8 @@ def _speed(row: Mapping[str, float], known: Mapping[str, Range]) -> list[Stateme
     units = [unit for unit, size in LIMITS.speed_units if abs(np.log(factor / size)) < near]
     hint = f": is it in {units[0]}?" if units else ""
     way = "above" if fastest > high else "below"
-    what, usual = f"highest speed {fastest:.4g}", f"that of the training, {_span(low, high)}"
-    if row["slowest"] > high or fastest < least:  # no speed in common
-        what = f"speed {_span(row['slowest'], fastest)}"
-        usual = f"the training range {_span(least, high)}"
-    # Other speeds may be intended.
-    return [Statement(f"{what} rad/s is {way} {usual} rad/s{hint}", bool(units))]
+    text = f"highest speed {fastest:.4g} rad/s is {way} that of the training, {_span(low, high)}"
+    return [Statement(f"{text} rad/s{hint}", bool(units))]  # other speeds may be intended
 
 
 def direction_statements(forward: float, known: Range | None) -> list[Statement]:
@@ -239,8 +234,8 @@ def direction_statements(forward: float, known: Range | None) -> list[Statement]
 
     Examples
     --------
-    >>> direction_statements(0.0, (1.0, 1.0))[0].text[:60]
-    'the shaft turns in reverse, in the training only forward: ch'
+    >>> direction_statements(0.0, (1.0, 1.0))[0].text[:67]
+    '100 % of the revolutions are in reverse, in the training only forwa'
     """
     if known is None:
         return []
@@ -249,12 +244,12 @@ def direction_statements(forward: float, known: Range | None) -> list[Statement]
         way, usual, new, share = "forward", "in reverse", forward, known[1]
     if share > LIMITS.aside or not new >= LIMITS.other_way:  # it may be NaN
         return []
-    what, remedy = "the shaft turns", "check the sign of the shaft reference"
-    if new < 1 - LIMITS.other_way:
-        what = f"{100 * new:.0f} % of the revolutions are"
-        kept = usual.removeprefix("in ")
-        remedy = f"keep one direction by OrderResampler(direction={kept!r})"
-    text = f"{what} {way}, in the training only {usual}: {remedy}, or train on both directions"
+    kept = usual.removeprefix("in ")
+    text = (
+        f"{100 * new:.0f} % of the revolutions are {way}, in the training only {usual}: check the "
+        f"sign of the shaft reference, keep one direction by OrderResampler(direction={kept!r}), "
+        f"or train on both directions"
+    )
     return [Statement(text, True)]
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,20 +29,6 @@ class Stroke(NamedTuple):
     start: int
     stop: int
     direction: int
-
-
-class Series(Protocol):
-    """An object that can be sliced like a 1-D array."""
-
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        """Type of the samples."""
-
-    def __len__(self) -> int:
-        """Return the number of samples."""
-
-    def __getitem__(self, key: Any) -> Any:
-        """Return a slice as an array, or one sample."""
 
 
 class LazySeries:
@@ -85,10 +71,8 @@ class LazySeries:
         """Return the samples `start` to `stop` (exclusive), which must exist."""
         raise NotImplementedError
 
-    @property
-    def sources(self) -> list[NDArray[Any]]:
-        """The arrays that the samples are computed from."""
-        raise NotImplementedError
+
+Series = NDArray[Any] | LazySeries  # what can be sliced like a 1-D array
 
 
 class IntegratedAngle(LazySeries):
@@ -112,27 +96,27 @@ class IntegratedAngle(LazySeries):
         self._half_step = 0.5 / fs
         self._velocity = velocity.view()
         self._velocity.flags.writeable = False  # so that one kind of array is compiled for
-        self._known, self._lowest, self._highest = np.empty((3, -(-len(velocity) // _STRIDE)))
-        found = self._known, self._lowest, self._highest
-        velocity = np.ascontiguousarray(self._velocity)
-        _kernels.loops.set_checkpoints(velocity, self._half_step, _STRIDE, *found)
+        known: list[NDArray[np.floating]] = [np.zeros(1)]
+        at_once = 512 * _STRIDE
+        for first in range(0, len(velocity), at_once):
+            angle = self._sums(first, first + at_once + 1, known[-1][-1:], at_once + 1)
+            known.append(angle[_STRIDE::_STRIDE].copy())
+        self._known = np.concatenate(known)
 
     def speed_limit(self, start: int, stop: int) -> float:
         """Return the highest speed from sample `start` to `stop` (exclusive) [rad/s]."""
-        first = min(-(-start // _STRIDE) * _STRIDE, stop)
-        last = max(stop // _STRIDE * _STRIDE, first)
-        pieces = slice(first // _STRIDE, last // _STRIDE)
-        ends = self._velocity[start:first], self._velocity[last:stop]
-        found = *ends, self._highest[pieces], self._lowest[pieces]
-        return max(float(np.abs(speeds).max(initial=0.0)) for speeds in found)
+        velocity = self._velocity[start:stop]
+        return float(max(velocity.max(), -velocity.min()))
 
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return the angles `start` to `stop` (exclusive) [rad]."""
         first = start // _STRIDE
-        velocity = np.ascontiguousarray(self._velocity[first * _STRIDE : stop])
-        angle = np.empty(len(velocity))
-        self._integrate(velocity, self._half_step, self._known[first:], _STRIDE, angle)
+        angle = self._sums(first * _STRIDE, stop, self._known[first:], _STRIDE)
         return angle[start - first * _STRIDE :]
+
+    def _sums(self, start: int, stop: int, starts: Any, stride: int) -> NDArray[np.floating]:
+        velocity = np.ascontiguousarray(self._velocity[start:stop])
+        return self._integrate(velocity, self._half_step, starts, stride)
 
 
 class DifferentiatedVelocity(LazySeries):
@@ -436,9 +420,19 @@ def blocks(series: Series) -> Iterator[tuple[int, Any]]:
         yield first, series[first : first + BLOCK]
 
 
+def mirrored(series: Series, start: int, stop: int) -> NDArray[Any]:
+    """Return samples of a series, and of its mirror images beyond its ends."""
+    last = len(series) - 1
+    if start >= 0 and stop <= last + 1:
+        return np.asarray(series[start:stop])
+    places = np.abs((np.arange(start, stop) + last) % (2 * last) - last)
+    low = int(places.min())
+    return np.asarray(series[low : int(places.max()) + 1])[places - low]
+
+
 def sources(series: Series) -> list[NDArray[Any]]:
-    """Return the arrays that the samples of a series are computed from; an array itself."""
-    return series.sources if isinstance(series, LazySeries) else [np.asarray(series)]
+    """Return the arrays that a series is computed from, if it states them, or itself."""
+    return getattr(series, "sources", None) or [np.asarray(series)]
 
 
 def longest_gap(max_rest: float | None, fs: float) -> float:

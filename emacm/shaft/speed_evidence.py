@@ -90,11 +90,6 @@ class Comb(NamedTuple):
     level: float
     margin: float
 
-    @property
-    def is_clear(self) -> bool:
-        """Whether both are sufficient."""
-        return self.level >= SETTINGS.comb_level and self.margin >= SETTINGS.comb_margin
-
 
 def comb_heights(signal: Array, fs: float, lowest: float, highest: float) -> tuple[Array, Array]:
     """Return frequencies and heights [dB] of a spectrum over its median in half of `lowest`."""
@@ -245,7 +240,7 @@ def measure(
     orders: Array | None,
     *,
     n_rates: int,
-    counts: tuple[int, ...] | None = None,
+    counts: tuple[int, ...],
 ) -> Evidence:
     """Compute the evidence in frames of one duration.
 
@@ -262,13 +257,12 @@ def measure(
     n_rates : int
         Number of rates of change that are tried, odd.
     counts : tuple of int
-        Without `orders`: numbers of orders that may have lines; by default `many_orders`.
+        Without `orders`: numbers of orders that may have lines.
 
     Returns
     -------
     Evidence
     """
-    counts = counts or SETTINGS.many_orders
     n_frame = min(len(white.signal), int(duration * white.fs)) // 2 * 2
     duration = n_frame / white.fs
     top_order = counts[-1] if orders is None else float(orders.max())

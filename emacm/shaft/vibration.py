@@ -10,17 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import fft, ndimage
+from scipy.integrate import cumulative_trapezoid
 
 from emacm._checks import check_number, check_signal
 from emacm.shaft.phase_refinement import Course, refined_speed
-from emacm.shaft.speed_evidence import (
-    Evidence,
-    Whitened,
-    find_comb,
-    find_shaft,
-    measure,
-    whiten,
-)
+from emacm.shaft.speed_evidence import Evidence, Whitened, find_comb, find_shaft, measure, whiten
 from emacm.shaft.speed_settings import SETTINGS
 
 Array = NDArray[np.floating]
@@ -41,7 +35,7 @@ class Confidence(NamedTuple):
     reliable: NDArray[np.bool_]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class VibrationAngle:
     """Shaft angle and speed found in a vibration signal.
 
@@ -59,13 +53,6 @@ class VibrationAngle:
     angle: Array
     velocity: Array
     confidence: Confidence
-
-    def __repr__(self) -> str:
-        low, high = self.velocity.min(), self.velocity.max()
-        return (
-            f"VibrationAngle({len(self.angle)} samples, {low:.5g} to {high:.5g} rad/s, "
-            f"{self.confidence.fraction:.0%} of the seconds reliable)"
-        )
 
 
 def angle_from_vibration(
@@ -207,8 +194,7 @@ def angle_from_vibration(
     if not reliable.any():
         raise ValueError(best.refusal)
     velocity = 2 * np.pi * np.interp(times, np.arange(len(speed)) / best.white.fs, speed)
-    steps = (velocity[1:] + velocity[:-1]) / (2 * fs)
-    angle = np.concatenate([[0.0], np.cumsum(steps)])
+    angle = cumulative_trapezoid(velocity, dx=1 / fs, initial=0)
     return VibrationAngle(angle, velocity, Confidence(float(reliable.mean()), reliable))
 
 
@@ -221,7 +207,8 @@ def _speed_in_narrow_range(signal: Array, fs: float, limits: tuple[float, float]
     inside = limits[0] + 2 / length < comb.speed < limits[1] - 2 / length
     halves = comb.speed * 2 / np.array(SETTINGS.mains)
     is_mains = np.abs(halves - np.rint(halves)).min() < SETTINGS.mains_tolerance
-    return comb.speed if inside and comb.is_clear and not is_mains else None
+    is_clear = comb.level >= SETTINGS.comb_level and comb.margin >= SETTINGS.comb_margin
+    return comb.speed if inside and is_clear and not is_mains else None
 
 
 def _steady_course(
@@ -338,7 +325,7 @@ def _course(
 ) -> Course:
     path = _most_likely_path(evidence, evidence.ratios)
     frames, speeds = np.arange(len(path)), evidence.speeds[path]
-    margins, sums, rivals = _margins(evidence, speeds)
+    margins, sums = _margins(evidence, speeds)
     needed = np.log(len(evidence.speeds))
     trusted = (margins >= margin) & (sums >= needed)
     trusted &= speeds > limits[0] * (1 + SETTINGS.same_speed)
@@ -357,11 +344,11 @@ def _course(
     last = np.searchsorted(edges, np.minimum(seconds + 1.0, longest) - 1e-9)
     reliable = np.array([trusted[i : j + 1].all() for i, j in zip(first, last, strict=True)])
     top = int(np.argmax(margins))
-    low, high, best, rival = 2 * np.pi * np.array([*limits, speeds[top], rivals[top]])
+    low, high, best = 2 * np.pi * np.array([*limits, speeds[top]])
     refusal = (
         f"no second of the signal shows a speed between {low:.4g} and {high:.4g} rad/s reliably. "
         f"The best, {best:.5g} rad/s at {evidence.times[top]:.3g} s, has a log likelihood ratio of "
-        f"{margins[top]:.2g} to {rival:.5g} rad/s, where {margin:g} is needed, and of "
+        f"{margins[top]:.2g} to any other one, where {margin:g} is needed, and of "
         f"{sums[top]:.2g} to noise, where {needed:.2g} is needed; few other lines may lie between "
         f"its orders. Narrow speeds, state the orders of known lines, or use a shaft sensor."
     )
@@ -385,8 +372,8 @@ def _most_likely_path(evidence: Evidence, scores: Array) -> NDArray[np.intp]:
     return np.array(path[::-1])
 
 
-def _margins(evidence: Evidence, speeds: Array) -> tuple[Array, Array, Array]:
-    """Return log likelihood ratios of the path to its best rival and to noise, and the rival.
+def _margins(evidence: Evidence, speeds: Array) -> tuple[Array, Array]:
+    """Return log likelihood ratios of the path to its best rival and to noise.
 
     Rivals are the speeds in a constant ratio to the path, so that no multiple or fraction is
     forgotten, and the most likely path elsewhere, which is as free as the path itself.
@@ -405,9 +392,7 @@ def _margins(evidence: Evidence, speeds: Array) -> tuple[Array, Array, Array]:
     mine = np.where(own, rigid, -np.inf).max(axis=1)
     rigid[own] = -np.inf
     free = _joined(elsewhere, grid, second[:, np.newaxis])[:, 0]
-    best, most = rigid.argmax(axis=1), rigid.max(axis=1)
-    rival = np.where(free > most, second, ratios[best] * speeds)
-    return mine - np.maximum(most, free), mine, rival
+    return mine - np.maximum(rigid.max(axis=1), free), mine
 
 
 def _joined(scores: Array, grid: Array, speeds: Array) -> Array:

@@ -443,7 +443,7 @@ class OrderMonitor:
             self._names,
             clone(self._model.resampler),  # what is set meanwhile counts for the next recording
             self._max_speed,
-            self._model.psd.plan,
+            self._model.psd.plan_,
         )
         slowest = min(*self._rates.values(), self._shaft_fs)
         self._cutter = IntervalCutter(self._settings, slowest, self._every, self._unit == "s")

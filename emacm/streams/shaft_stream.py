@@ -96,12 +96,6 @@ class HeldSeries(LazySeries):
         """Return the samples `start` to `stop` (exclusive)."""
         return self._values[start - self.first : stop - self.first]
 
-    def __getitem__(self, key: Any) -> Any:
-        """Return one sample, a slice, or the samples with the numbers in an array."""
-        if isinstance(key, np.ndarray):
-            return self._values[key - self.first]
-        return super().__getitem__(key)
-
 
 class GrowingStroke(Resumable):
     """A stroke as far as it is known.
@@ -225,9 +219,7 @@ class ShaftStream(Resumable):
         total = np.array([float(self.angle[-1]) if n_before else 0.0])
         (speed,) = self._velocity.between(self.n_examined - n_before, self._velocity.length)
         speed.flags.writeable = False  # so that one kind of array is compiled for
-        angle = np.empty(len(speed))
-        _kernels.loops.integrate(speed, 0.5 / self.fs, total, len(speed), angle)
-        return angle[n_before:]
+        return _kernels.loops.integrate(speed, 0.5 / self.fs, total, len(speed))[n_before:]
 
     def _new_stroke(self, stroke: Stroke, start_angle: float) -> GrowingStroke:
         """Return a stroke of which no sample is known yet."""

@@ -16,7 +16,7 @@ from emacm.decisions.risks import LeastRiskMixin
 from emacm.orders.bin_transformer import collected_statements
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.digests import model_digest
-from emacm.resampling.order_resampler import OrderResampler, SignalCache
+from emacm.resampling.order_resampler import OrderResampler
 from emacm.resampling.quality import Quality
 from emacm.resampling.training_range import outside_range
 from emacm.streams.packed_state import Resumable
@@ -146,7 +146,7 @@ class StreamedModel:
                 f"{type(model).__name__}."
             )
         check_is_fitted(model)
-        steps = [step for step in _flattened(model) if not isinstance(step, SignalCache)]
+        steps = _flattened(model)
         self.resampler, self.psd = [*steps, None, None][:2]
         for place, step, kind in (
             ("first", self.resampler, OrderResampler),

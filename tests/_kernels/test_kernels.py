@@ -39,27 +39,21 @@ def agree(one, other):
 
 @both_types
 @pytest.mark.parametrize("n_times", [1, 2, 256, 257, 1024, 1281, 100_000])
-def test_checkpoints_agree_and_hold_the_running_sum_to_the_last_bit(compiled, rng, dtype, n_times):
+def test_integrals_agree_with_the_running_sum_to_the_last_bit(compiled, rng, dtype, n_times):
     velocity = rng.standard_normal(n_times).astype(dtype)
     running = cumulative_trapezoid(velocity.astype(float), dx=1 / 48_000, initial=0)
-    padded = np.pad(velocity.astype(float), (0, -n_times % 256), mode="edge").reshape(-1, 256)
     velocity.flags.writeable = False
     for module in (compiled, _kernels_numpy):
-        angles, lowest, highest = np.full((3, len(padded)), np.nan)
-        module.set_checkpoints(velocity, 0.5 / 48_000, 256, angles, lowest, highest)
-        np.testing.assert_array_equal(angles, running[::256])
-        np.testing.assert_array_equal(lowest, padded.min(axis=1))
-        np.testing.assert_array_equal(highest, padded.max(axis=1))
-        whole = np.full(n_times, np.nan)
-        module.integrate(velocity, 0.5 / 48_000, angles, 256, whole)
-        np.testing.assert_array_equal(whole, running)
+        for starts, stride in ((running[::256].copy(), 256), (np.zeros(1), n_times)):
+            whole = module.integrate(velocity, 0.5 / 48_000, starts, stride)
+            np.testing.assert_array_equal(whole, running)
 
 
 def spread(module, near, scale, offset, signals, means, grid):
     """Spread samples as one part, after which nothing is decimated."""
     one_part = len(near) - 2, np.array([grid.shape[1] - 10]), np.array([0])
     rows = _kernel_halves(), signals, means, grid
-    module.resample(near, scale, offset, *rows, *one_part, 2, TAPS, grid[:, :0], 0)
+    module.resample(near, (scale, offset), *rows, one_part, (2, TAPS), (grid[:, :0], 0))
 
 
 @both_types
@@ -88,7 +82,8 @@ def test_resampling_part_by_part_is_spreading_and_decimating(compiled, rng, dtyp
     grids, outputs = np.zeros((3, n_signals, 290)), np.full((3, n_signals, 150), 7.0)
     for module, grid, made in zip((compiled, _kernels_numpy), grids, outputs, strict=False):
         rows = _kernel_halves(), signals, means, grid
-        module.resample(near, 3.0, 2.5, *rows, 300, n_points, ready, 2, TAPS, made, 5)
+        parts = 300, n_points, ready
+        module.resample(near, (3.0, 2.5), *rows, parts, (2, TAPS), (made, 5))
     offset, done = 2.5, 5
     for k, (used, n_outputs) in enumerate(zip(n_points, ready, strict=True)):
         rows = [row[300 * k : 300 * (k + 1)] for row in signals]
@@ -96,7 +91,8 @@ def test_resampling_part_by_part_is_spreading_and_decimating(compiled, rng, dtyp
         spread(_kernels_numpy, near[300 * k : 300 * (k + 1) + 2], 3.0, offset, rows, means, held)
         grids[2][:, :used] = held[:, :used]
         if n_outputs:
-            _kernels_numpy.decimate(grids[2], used, 2, TAPS, means, outputs[2], done, n_outputs)
+            filtered = (2, TAPS), means, (outputs[2], done)
+            _kernels_numpy.decimate(grids[2], used, *filtered, n_outputs)
         offset, done = offset - 2.0 * n_outputs, done + n_outputs
     assert done == 145
     assert np.abs(grids[2]).max() > 0
@@ -124,7 +120,8 @@ def test_upsampling_agrees(compiled, rng, dtype, factor, beyond, n_outputs):
 def test_decimation_is_a_convolution_of_which_every_other_point_is_kept(rng):
     grid = rng.standard_normal(200)
     found = np.empty((1, 50))
-    _kernels_numpy.decimate(grid[np.newaxis].copy(), 200, 3, TAPS, np.zeros(1), found, 0, 50)
+    filtered = (3, TAPS), np.zeros(1), (found, 0)
+    _kernels_numpy.decimate(grid[np.newaxis].copy(), 200, *filtered, 50)
     found = found[0]
     np.testing.assert_allclose(found, np.convolve(grid, TAPS)[43 : 43 + 100 : 2], atol=1e-12)
 

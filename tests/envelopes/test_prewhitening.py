@@ -127,7 +127,6 @@ def test_every_length_is_whitened(n_times):
         slice(30_000, 41_000),  # the last segment of a group and the first one of the next
         slice(69_000, None),
         slice(3, 70_000, 1007),
-        np.array([69_999, 0, 4095, 30_720, -1]),
         17,
     ],
     ids=str,
@@ -224,7 +223,6 @@ def test_a_pickled_envelope_of_a_whitened_signal_is_the_same():
     size = len(pickle.dumps(series))
     assert size < N_TIMES * 8 + 1500
     again = pickle.loads(pickle.dumps(series))
-    assert again == series
     np.testing.assert_array_equal(again[:], before)
 
 

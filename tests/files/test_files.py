@@ -76,7 +76,6 @@ def test_a_recording_in_a_file_equals_the_one_in_memory(path):
     assert hash(opened) == hash(in_memory())
     assert opened.digest == in_memory().digest
     assert repr(opened) == repr(in_memory())
-    assert opened._repr_html_() == in_memory()._repr_html_()
 
 
 def test_envelopes_are_equal_bit_by_bit_and_stay_in_the_file(path):
@@ -91,7 +90,7 @@ def test_envelopes_are_equal_bit_by_bit_and_stay_in_the_file(path):
     [
         lambda recording: recording.cut(0.25, 1.0),
         lambda recording: recording.select(["current"]),
-        lambda recording: recording.rename({"vibration": "DE"}).cut(0.5),
+        lambda recording: recording.select(["vibration"]).cut(0.5),
     ],
 )
 def test_parts_of_a_file_equal_parts_in_memory_and_stay_in_the_file(npz, change):

@@ -82,7 +82,7 @@ def test_a_load_that_was_not_in_the_training_is_stated(load, texts):
 def test_a_speed_in_another_unit_is_stated_with_that_unit(factor, unit):
     text = about(run(9, speed=SPEED * factor))
     way = "above" if factor > 1 else "below"
-    assert f"rad/s is {way} the training range 46.06 to 47.94 rad/s: is it in {unit}?" in text
+    assert re.search(f"rad/s is {way} that of the training, .* rad/s: is it in {unit}?", text)
 
 
 def test_another_sampling_rate_is_stated_once_for_all_channels():
@@ -260,9 +260,9 @@ FEATURES = [
 @pytest.mark.parametrize(
     ("known", "new", "text"),
     [
-        (1, (-1,), "the shaft turns in reverse, in the training only forward: check the sign"),
-        (-1, (1,), "the shaft turns forward, in the training only in reverse: check the sign"),
-        (1, (1, -1), "50 % of the revolutions are in reverse, in the training only forward: keep"),
+        (1, (-1,), "100 % of the revolutions are in reverse, in the training only forward: check"),
+        (-1, (1,), "100 % of the revolutions are forward, in the training only in reverse: check"),
+        (1, (1, -1), "50 % of the revolutions are in reverse, in the training only forward: check"),
         (-1, (1, -1), "50 % of the revolutions are forward, in the training only in reverse"),
     ],
 )

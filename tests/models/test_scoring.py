@@ -117,7 +117,7 @@ def test_what_is_outside_of_the_training_is_stated(model):
     )
     row = score(model, [loud]).iloc[0]
     assert re.search(r"channel 'vib' \d\d dB above training", row["outside_training"])
-    assert "is below the training range" in row["outside_training"]
+    assert "is below that of the training" in row["outside_training"]
     assert row["decision"] in ("unknown", "inspect", "worn")
     assert row["error"] == ""
 

@@ -9,7 +9,8 @@ from scipy.integrate import trapezoid
 
 from emacm.orders.bins import bin_operator
 from emacm.orders.order_cross_spectrum import cross_averages
-from emacm.orders.welch import order_psd, segment_plan
+from emacm.orders.segment_plan import SegmentPlan
+from emacm.orders.welch import order_psd
 
 TURN = 2 * np.pi
 
@@ -19,7 +20,7 @@ def noise(*shape, seed=0):
 
 
 def averages_of(x, y, samples_per_rev, **options):
-    plan = segment_plan(samples_per_rev, **options)
+    plan = SegmentPlan(samples_per_rev, **options)
     return plan, cross_averages(plan, plan.lines_of([np.stack([x, y])]), [(0, 1)], "xy")
 
 

@@ -4,11 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import signal as filters
-from sklearn.exceptions import NotFittedError
 
 from emacm import BinTransformer, OrderCrossSpectrum, OrderPSD, OrderResampler, Recording
-from emacm.orders.segment_plan import padded_lines
-from emacm.orders.welch import order_psd, samples_per_revolution, segment_plan
+from emacm.orders.segment_plan import SegmentPlan, padded_lines
+from emacm.orders.welch import order_psd, samples_per_revolution
 
 TURN = 2 * np.pi
 RNG = np.random.default_rng(5)
@@ -170,7 +169,7 @@ def test_a_stroke_of_a_single_sample_cannot_be_padded(estimator):
     X = OrderResampler(3.0).fit_transform([Recording(signals, 300, velocity=np.full(300, 1.0))])
     assert [stroke.n_angles for stroke in X[0].strokes] == [1]
     with pytest.raises(
-        ValueError, match=r"recording 0: it has no stroke of two .*\. Leave it out\.$"
+        ValueError, match=r"recording 0: it has no stroke of two .*\. Leave it out, or"
     ):
         estimator(16, short="pad").fit_transform(X)
 
@@ -195,11 +194,9 @@ def test_the_plan_is_that_of_fit_and_strokes_of_one_sample_are_no_padded_segment
         [Recording({"b": np.ones(900)}, 300, velocity=np.full(900, 31.0))]
     )
     fitted = OrderPSD(2).fit(over_angle)
-    assert fitted.plan.n_per_segment == 64
+    assert fitted.plan_.n_per_segment == 64
     assert fitted.get_feature_names_out().dtype == object
-    with pytest.raises(NotFittedError):
-        OrderPSD(2).plan  # noqa: B018
-    plan = segment_plan(32.0, n_per_segment=8, detrend=None)
+    plan = SegmentPlan(32.0, n_per_segment=8, detrend=None)
     short = np.random.default_rng(0).normal(size=(1, 5))
     both = list(padded_lines(plan, [short[:, :1], short]))
     assert len(both) == 1
@@ -224,8 +221,5 @@ def test_rows_without_an_axis_have_segments_of_the_shortest_and_plain_spectra():
     found = psd.transform(rows)
     assert type(found) is np.ndarray
     assert psd.get_feature_names_out().tolist() == [f"line{k}" for k in range(6)]
-    boxed = np.empty(3, object)
-    boxed[:] = rows
-    np.testing.assert_array_equal(OrderPSD().fit_transform(boxed), found)
     assert OrderPSD().fit(rows * 2).n_per_segment_ == 10
     assert OrderPSD().fit([np.ones(30), np.ones(40)]).n_per_segment_ == 16

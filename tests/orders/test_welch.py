@@ -10,10 +10,8 @@ from hypothesis.extra.numpy import arrays
 from scipy import signal as filters
 
 from emacm import OrderPSD, OrderResampler, Recording
-from emacm.orders.welch import (
-    order_psd,
-    segment_plan,
-)
+from emacm.orders.segment_plan import SegmentPlan
+from emacm.orders.welch import order_psd
 
 TURN = 2 * np.pi
 WINDOWS = [
@@ -209,7 +207,7 @@ def test_the_median_is_less_moved_by_a_shock_than_the_mean():
     revolutions=st.floats(1, 100),
 )
 def test_the_axis_carries_the_true_step(samples_per_rev, revolutions):
-    plan = segment_plan(samples_per_rev, revolutions=revolutions)
+    plan = SegmentPlan(samples_per_rev, revolutions=revolutions)
     assert abs(plan.n_per_segment - revolutions * samples_per_rev) <= 0.5
     assert plan.order_step == samples_per_rev / plan.n_per_segment
     assert plan.revolutions == pytest.approx(1 / plan.order_step)
@@ -246,7 +244,7 @@ def test_a_signal_times_c_has_its_spectrum_times_c_squared(factor):
 
 def test_segments_of_all_strokes_count_alike_and_none_spans_two():
     strokes = [noise(1, n, seed=n) for n in (700, 130, 127, 500)]
-    plan = segment_plan(32, revolutions=4)
+    plan = SegmentPlan(32, revolutions=4)
     counts = [(row.shape[1] - 128) // 64 + 1 if row.shape[1] >= 128 else 0 for row in strokes]
     assert counts == [9, 1, 0, 6]
     each = [plan.average_of([row]) for row, n in zip(strokes, counts, strict=True) if n]
@@ -272,7 +270,7 @@ def reversing_recording(fault):
 @example(sizes=[100, 70, 30], length=60, overlap=0.25, average="median")
 def test_a_signal_in_blocks_has_the_spectrum_of_the_whole(sizes, length, overlap, average):
     signal = np.random.default_rng(sum(sizes)).standard_normal((2, sum(sizes)))
-    plan = segment_plan(32.0, n_per_segment=length, overlap=overlap, average=average)
+    plan = SegmentPlan(32.0, n_per_segment=length, overlap=overlap, average=average)
     cuts = np.cumsum(sizes)[:-1]
     blocks = np.split(signal, cuts, axis=1)
     if sum(sizes) < length:
@@ -365,6 +363,6 @@ def test_a_signal_shorter_than_a_segment_is_refused():
 
 @pytest.mark.parametrize("average", ["mean", "median"])
 def test_signals_without_a_segment_are_refused(average):
-    plan = segment_plan(32, revolutions=4, average=average)
+    plan = SegmentPlan(32, revolutions=4, average=average)
     with pytest.raises(ValueError, match="no signal holds a segment of 128 samples"):
         plan.average_of([np.ones((1, 127))])

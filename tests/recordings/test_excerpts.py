@@ -1,7 +1,5 @@
 """Constant speed as a number, units, parts of a recording, other names, and the HTML table."""
 
-import re
-
 import numpy as np
 import pytest
 from sklearn.pipeline import make_pipeline
@@ -124,22 +122,11 @@ def test_channels_are_selected_in_the_order_given():
     assert only.meta == {"unit": "B"}
 
 
-def test_channels_are_renamed_with_rates_and_units():
-    renamed = two_rates().rename({"vibration": "DE"})
-    assert renamed.channels == ("DE", "current")
-    assert dict(renamed.fs) == {"DE": 1200.0, "current": 50.0}
-    assert dict(renamed.units) == {"DE": "g", "current": "A"}
-
-
 @pytest.mark.parametrize(
     ("method", "argument", "error", "message"),
     [
         ("select", ["torque"], ValueError, r"the recording has no channel 'torque'; its channels"),
         ("select", "current", TypeError, r"such as \['current'\]"),
-        ("rename", {"torque": "a"}, ValueError, "has no channel 'torque'"),
-        ("rename", {"vibration": "current"}, ValueError, "two channels would have the same name"),
-        ("rename", {"vibration": 3}, TypeError, "channel names must be non-empty strings"),
-        ("rename", ["vibration"], TypeError, "names must map channels to new names"),
     ],
 )
 def test_invalid_selections_and_names_are_refused(method, argument, error, message):
@@ -148,19 +135,6 @@ def test_invalid_selections_and_names_are_refused(method, argument, error, messa
 
 
 # The table in notebooks
-
-
-def test_the_html_table_states_rates_units_and_ranges():
-    signals = {"a<b": [1.0, -4.0, 2.0], "current": [0.5, 0.5, 0.5]}
-    recording = Recording(signals, 3, velocity=2.0, units={"a<b": "g"}, meta={"unit": "<i>"})
-    html = recording._repr_html_()
-    cells = re.findall("<td>(.*?)</td>", html)
-    assert cells[:7] == ["a&lt;b", "g", "3", "3", "-4", "-0.3333", "2"]
-    assert cells[-7:] == ["shaft velocity", "rad/s", "3", "3", "2", "2", "2"]
-    assert "unit=&#x27;&lt;i&gt;&#x27;" in html
-    assert "Recording: 1 s, 0.212207 revolutions, unit" in html
-    headings = ["channel", "unit", "rate [Hz]", "samples", "lowest", "mean", "highest"]
-    assert re.findall("<th>(.*?)</th>", html) == headings
 
 
 # A table passed as a whole

@@ -48,8 +48,7 @@ every_reference = pytest.mark.parametrize("reference", REFERENCES)
 
 
 def in_blocks_of(n_times, monkeypatch):
-    blocks = replace(_kernels.loops.BLOCKS, spread=n_times)
-    monkeypatch.setattr(_kernels.loops, "BLOCKS", blocks)
+    monkeypatch.setattr(_kernels.loops, "SPREAD_AT_ONCE", n_times)
 
 
 def joined(make_blocks, signal, path, theta_s):

@@ -154,11 +154,6 @@ def test_pulses_per_revolution_divide_the_angle(pulses_per_rev):
     np.testing.assert_allclose(tacho.angle, TURN * np.arange(11) / pulses_per_rev)
 
 
-def test_the_report_reads_well():
-    tacho = angle_from_pulses(np.delete(np.arange(9.0), 4), 1, 9)
-    assert str(tacho) == "TachoAngle(9 samples, 8 revolutions, 1 (at 4 s) missing, 0 double)"
-
-
 def test_ends_without_pulses_are_gaps():
     pulses = np.arange(10.0) + 12
     assert len(angle_from_pulses(pulses - 2, 1, 30).angle) == 30

@@ -8,7 +8,6 @@ import pytest
 from scipy.signal import lfilter
 
 from emacm import Bearing, Motor, OrderPSD, OrderResampler, Recording, angle_from_vibration
-from emacm.shaft.vibration import Confidence, VibrationAngle
 from emacm.simulation import LaboratoryBench
 from emacm.simulation.laboratory import Condition
 
@@ -298,11 +297,3 @@ def test_a_wide_range_without_two_families_or_without_parts_is_refused(levels):
 def test_a_constant_signal_is_refused():
     with pytest.raises(ValueError, match="signal is constant"):
         angle_from_vibration(np.full(6 * FS, 3.0), FS, speeds=SPEEDS)
-
-
-def test_what_was_found_is_printed_as_its_range_of_speed_and_its_reliable_share():
-    reliable = np.array([True, False, True, True])
-    velocity = np.array([31.25, 30.0, 33.5])
-    found = VibrationAngle(np.zeros(3), velocity, Confidence(0.75, reliable))
-    expected = "VibrationAngle(3 samples, 30 to 33.5 rad/s, 75% of the seconds reliable)"
-    assert repr(found) == expected

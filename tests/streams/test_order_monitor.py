@@ -30,7 +30,6 @@ from emacm import (
     outside_training,
 )
 from emacm._kernels import using
-from emacm.resampling.order_resampler import SignalCache
 from emacm.shaft.angle import angle_from_velocity
 from emacm.streams.spectrum_stream import Settings
 
@@ -192,7 +191,7 @@ def test_any_division_of_a_stream_has_the_features_of_the_recording(
     ],
 )
 def test_options_of_resampling_apply_to_a_stream(options):
-    steps = chain(SignalCache(), min_speed=0.35, **options)
+    steps = chain(min_speed=0.35, **options)
     check("resting", "mixed", "velocity", np.arange(0, 6, 0.11), {7, 23}, steps=steps)
 
 
