@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,8 +10,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from emacm.decisions.families import family_mapping
-from emacm.decisions.metrics import are_correct, correct_families, label_of
 from emacm.decisions.truths import label_list
 from emacm.displays import _drawing, _tables
 from emacm.displays._drawing import Display
@@ -86,7 +84,6 @@ class OutcomesDisplay(Display):
         y_pred: ArrayLike,
         *,
         healthy: Any,
-        families: Mapping[Any, Any] | None = None,
         classes: Sequence[Any] | None = None,
         conditions: ArrayLike | None = None,
         ax: Any = None,
@@ -96,19 +93,13 @@ class OutcomesDisplay(Display):
         Parameters
         ----------
         y_true : array-like of shape (n_recordings,)
-            True classes.
+            True classes; of a classifier of families, those of `as_families`.
         y_pred : array-like of shape (n_recordings,)
-            Decisions. One that is neither a class nor a family, such as "inspect", is an
-            inspection.
+            Decisions. One that is no class, such as "inspect", is an inspection.
         healthy : str
-            The healthy class (or family, if there are families).
-        families : mapping, optional
-            {class: family} or {family: [classes]}. A decision for the family of the true class, or
-            for another class of this family, is correct. Without families, labels are compared as
-            they are.
+            The healthy class.
         classes : sequence, optional
-            Classes that can be decided, such as ``model.classes_``. Default: those of `y_true`
-            and `families`.
+            Classes that can be decided, such as ``model.classes_``. Default: those of `y_true`.
         conditions : array-like of shape (n_recordings,), optional
             Operating condition of each recording. Default: a single row.
         ax : matplotlib Axes, optional
@@ -121,25 +112,21 @@ class OutcomesDisplay(Display):
         Raises
         ------
         ValueError
-            If lengths differ, `healthy` is not among the labels, a class has no family, or no
-            fault is known (all recordings are healthy, and neither `families` nor `classes` is
-            given), so that false alarms and inspections cannot be distinguished.
+            If lengths differ, `healthy` is not among the labels, or no fault is known (all
+            recordings are healthy, and `classes` are not given), so that false alarms and
+            inspections cannot be distinguished.
         """
         truths, decided = label_list(y_true, "y_true"), label_list(y_pred, "y_pred")
         _tables.check_labels(decided, len(truths), "y_pred")
-        states = list(dict.fromkeys([*truths, *label_list(() if classes is None else classes)]))
-        correct = {state: (state,) for state in states}
-        if families is not None:
-            correct = correct_families(family_mapping(families, states))
-        is_correct = are_correct(truths, decided, correct)
-        inspected = np.array([decision not in (*correct, healthy) for decision in decided])
+        states = {*truths, *label_list(() if classes is None else classes)}
+        is_correct = np.array([one == other for one, other in zip(truths, decided, strict=True)])
+        inspected = np.array([decision not in (*states, healthy) for decision in decided])
         is_healthy, called_healthy = (
-            np.array([label_of(value, correct) == healthy for value in side])
-            for side in (truths, decided)
+            np.array([label == healthy for label in side]) for side in (truths, decided)
         )
         if not (is_healthy.any() or called_healthy.any()):
             raise ValueError(f"healthy = {healthy!r} is neither in y_true nor in y_pred.")
-        if set(correct) == {healthy} and not called_healthy.all():
+        if states == {healthy} and not called_healthy.all():
             raise ValueError(
                 f"all recordings are {healthy!r}, so it is not known which decisions are faults. "
                 f"Give classes, such as model.classes_."

@@ -6,12 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from emacm._checks import check_count, check_number
+from emacm._checks import check_number
 from emacm.machine.fault_orders import named_orders, slip_ranges
-
-Array = NDArray[np.float64]
 
 
 def match_fault_orders(
@@ -20,7 +17,6 @@ def match_fault_orders(
     *,
     slip: float = 0.02,
     min_width: float = 0.0,
-    harmonics: int = 1,
 ) -> pd.DataFrame:
     """Assign predicted fault orders to the bins that determine a decision or a model.
 
@@ -30,14 +26,12 @@ def match_fault_orders(
         From `explain_decision` or `explain_model`, or some of its rows (those of one channel, for
         example).
     orders : DataFrame from `fault_orders`, or mapping of str to float
-        Predicted orders by name.
+        Predicted orders by name, with their harmonics.
     slip : float
         Largest relative deviation of a line with slip from its order; in a mapping, every
         line may slip.
     min_width : float
         Smallest width of a line [orders], for example ``4 / revolutions``.
-    harmonics : int
-        Number of multiples of each order, the order itself included; at most 1000.
 
     Returns
     -------
@@ -67,11 +61,11 @@ def match_fault_orders(
 
     Examples
     --------
-    >>> from emacm import match_fault_orders
+    >>> from emacm import fault_orders, match_fault_orders
     >>> explanation = pd.DataFrame(
     ...     {"column": ["v@12-13", "v@6-7"], "low": [12, 6], "high": [13, 7], "share": [0.3, 0.7]}
     ... )
-    >>> matched = match_fault_orders(explanation, {"BPFI": 6.123}, harmonics=2)
+    >>> matched = match_fault_orders(explanation, fault_orders({"BPFI": 6.123}, harmonics=2))
     >>> matched["fault"].tolist(), matched.attrs["predicted_share"]
     (['2xBPFI', 'BPFI'], 1.0)
     """
@@ -83,7 +77,8 @@ def match_fault_orders(
             f"column {missing[0]!r}."
         )
     check_number(slip, "slip", at_least=0, below=1)
-    names, centres, low, high = _with_harmonics(orders, slip, min_width, harmonics)
+    _, centres = named_orders(orders)
+    names, low, high = slip_ranges(orders, slip=slip, min_width=min_width)
     bottom, top = (
         explanation[name].to_numpy(np.float64)[:, np.newaxis] for name in ("low", "high")
     )
@@ -106,17 +101,3 @@ def match_fault_orders(
         "predicted_bins": float(hit.mean()) if len(hit) else 0.0,
     }
     return matched
-
-
-def _with_harmonics(
-    orders: pd.DataFrame | Mapping[str, float], slip: float, min_width: float, harmonics: int
-) -> tuple[list[str], Array, Array, Array]:
-    """Return names, orders, and lower and upper limits of the lines, multiples included."""
-    check_count(harmonics, "harmonics", at_most=1000)
-    names, centres = named_orders(orders)
-    _, low, high = slip_ranges(orders, slip=slip)
-    multiples = np.arange(1, harmonics + 1)[:, np.newaxis]
-    all_names = [name if k == 1 else f"{k}x{name}" for k in multiples[:, 0] for name in names]
-    centre = (multiples * centres).ravel()
-    half = np.maximum((multiples * (high - low)).ravel(), min_width) / 2
-    return all_names, centre, centre - half, centre + half

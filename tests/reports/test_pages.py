@@ -264,8 +264,8 @@ def test_an_envelope_is_named_as_such():
     model = recipe.set_params(envelopedetector__squared=True).fit(runs(), STATES)
     found = page(model, recording("outer race", 99), parts=None)
     figure, _ = drawn(found)
-    label = figure.axes[0].get_ylabel()
-    assert label.startswith("squared envelope order spectrum\nof ")
+    label = figure.axes[0].get_ylabel().replace("\n", " ")
+    assert label.startswith("squared envelope order spectrum of ")
     assert figure.axes[1].get_yticklabels()[-1].get_text().endswith("@line")
 
 
