@@ -66,17 +66,6 @@ def listed(names: Sequence[Any], last: str = "and") -> str:
     return f" {last} ".join(filter(None, [", ".join(texts[:-1]), *texts[-1:]]))
 
 
-def stated(*cases: tuple[Any, str]) -> list[str]:
-    """Return the texts of those cases that apply.
-
-    Examples
-    --------
-    >>> stated((True, "clipped"), ([], "interrupted"))
-    ['clipped']
-    """
-    return [text for applies, text in cases if applies]
-
-
 def span(low: float, high: float, unit: str) -> str:
     """Return a range.
 
