@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.pipeline import Pipeline
 
 from emacm._checks import check_number
+from emacm.decisions.pipelines import parts_of
 from emacm.displays._drawing import Display, squared
 from emacm.envelopes.envelope import EnvelopeSeries
 from emacm.envelopes.envelope_detector import EnvelopeDetector, envelope_names
@@ -132,13 +133,13 @@ def channel_blocks(
     return [known[name] for name in wanted]
 
 
-def envelopes_of(steps: Any) -> dict[str, str]:
+def envelopes_of(estimator: Any) -> dict[str, str]:
     """Return the envelope channels that the steps of a fitted pipeline compute."""
     return {
         name: ENVELOPES[bool(step.squared)]
-        for _, step in getattr(steps, "steps", ())
+        for step in parts_of(estimator)
         if isinstance(step, EnvelopeDetector)
-        for channel, band in step.bands_.items()
+        for channel, band in getattr(step, "bands_", {}).items()
         for name in envelope_names(channel, band, step.suffix)
     }
 

@@ -121,7 +121,7 @@ class PowerDisplay(_tables.OrderDisplay):
         values = step.transform(X if before is None else before.transform(X))
         table = pd.DataFrame(np.asarray(values), columns=step.get_feature_names_out())
         known = {option: getattr(step, option) for option in cls._from_step}
-        known["envelopes"] = _tables.envelopes_of(before)
+        known["envelopes"] = _tables.envelopes_of(estimator)
         known["unit"] = _tables.units_in(X) or "unit"
         return cls.from_table(table, channel, labels=labels, ax=ax, **(known | options))
 

@@ -11,18 +11,19 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.pipeline import Pipeline
 
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import fitted_resamplers, parts_of, search_estimator
+from emacm.decisions.risks import LeastRiskMixin
 from emacm.displays._tables import envelopes_of
-from emacm.explanations.deviations import class_deviations
+from emacm.explanations.deviations import class_deviations, second_state_statement
 from emacm.explanations.explain import explain_decision
 from emacm.machine.fault_lines import FaultLines
 from emacm.machine.fault_orders import fault_series
 from emacm.models.find_faults import find_faults
 from emacm.models.scoring import (
     measured_quality,
+    opened_classifier,
     parts_with_input,
     scored_rows,
     training_statements,
@@ -32,9 +33,16 @@ from emacm.orders.columns import parse_order_columns
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.names import unit_ratio
 from emacm.recordings.recording import Recording
-from emacm.reports.facts import Facts, channel_name, recording_facts, when
+from emacm.reports.facts import (
+    Facts,
+    channel_name,
+    confidence,
+    listed,
+    percent,
+    recording_facts,
+    when,
+)
 from emacm.reports.raised import LEAST, SIGMAS, Findings, Row, Spectra, find_raised
-from emacm.reports.verdicts import Verdict, verdict_on
 
 
 def order_spectra(model: Any, recording: Recording) -> Spectra:
@@ -211,31 +219,105 @@ def page_of(
     (row,) = scored_rows(settings.model, [source], [name], facts=facts)
     if row["error"]:
         reason = _AS_A_LIST.sub("", row["error"])
-        page = Page(name, "no decision", "error", [reason], True, model_facts=settings.facts)
-        page.row = row
-        page.recording = [("File", name)]
-        return page
+        facts_of_file = {"recording": [("File", name)], "model_facts": settings.facts}
+        return Page(name, "no decision", "error", [reason], True, row=row, **facts_of_file)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # what they say is on the page
         recording = source()
+        page = Page(name, str(row["decision"]), "other", row=row, model_facts=settings.facts)
         with collected_statements() as new_lines:
-            verdict = verdict_on(settings.model, recording, row, settings.healthy)
-        page = Page(name, str(verdict.decision), verdict.kind, sentences=verdict.sentences, row=row)
-        if settings.healthy is None and page.kind == "fault":
-            page.kind = "state"
-        page.recording, page.model_facts = recording_facts(recording, name), settings.facts
-        page.unit = str(recording.meta.get("unit", ""))
+            other = _add_decision(page, settings, recording)
+        page.recording = recording_facts(recording, name)
+        page.unit, page.units = str(recording.meta.get("unit", "")), recording.units
         start = getattr(recording, "start", None)  # of a file only
         page.date = "" if start is None else when(start)
-        page.units = recording.units
-        steps = [(str(k), part) for k, part in enumerate(parts_of(settings.model))]
-        page.envelopes = envelopes_of(Pipeline(steps)) if steps else {}
+        page.envelopes = envelopes_of(settings.model)
         if settings.actions is not None:
             page.action = settings.actions.get(page.decision, "none is given for this decision")
         _add_warnings(page, settings.model, recording, new_lines[0])
-        page.normal += verdict.normal
-        _add_findings(page, settings, recording, verdict)
+        _add_typicality(page)
+        _add_findings(page, settings, recording, other)
+        if settings.healthy is None and page.kind == "fault":
+            page.kind = "state"
     return page
+
+
+def _add_decision(
+    page: Page,
+    settings: Settings,
+    recording: Recording,
+    *,
+    named: float = 0.01,
+    most_named: int = 4,
+) -> Any:
+    """State the decision, how certain it is, and which other states are possible.
+
+    Returns
+    -------
+    label
+        The most probable known state that was not decided; None if there is none.
+    """
+    classifier, table = opened_classifier(settings.model, [recording])
+    probabilities, states = classifier.predict_proba(table), classifier.classes_.tolist()
+    names, decisions, cost, unknown = states, states, 1 - np.eye(len(states)), None
+    if isinstance(classifier, LeastRiskMixin):
+        probabilities = classifier.truth_proba(table, probabilities)
+        names, decisions = classifier.truths_.tolist(), classifier.decisions_.tolist()
+        cost, unknown = classifier.cost_, classifier.unknown
+    truths, decision = probabilities[0], page.row["decision"]
+    # A decision that is cheapest for several states, as a family is, stands for all of them.
+    covered = cost[decisions.index(decision)] <= cost.min(axis=0)
+    own = np.array([name == decision or name not in decisions for name in names])
+    own &= covered | [name == decision for name in names]
+    others = [k for k in np.argsort(-truths, kind="stable") if not own[k]]
+    probability = float(truths[own].sum())
+    if decision == unknown:
+        page.kind = "unknown"
+        page.sentences.append(
+            f"The recording is unlike all states that the model knows ({listed(states)}); the "
+            f"probability of an unknown state is {percent(probability)}. What it is must be found "
+            f"out at the machine."
+        )
+    elif decision == settings.healthy or own.any():
+        page.kind = "healthy" if decision == settings.healthy else "fault"
+        page.sentences.append(
+            f"Confidence: {confidence(probability)}. The probability of this state is "
+            f"{percent(probability)}."
+        )
+    else:
+        text = f"No state is certain enough: {page.decision!r} has the lowest expected cost."
+        page.sentences.append(text)
+    possible = [f"{names[k]} ({percent(truths[k])})" for k in others if truths[k] >= named]
+    if possible:
+        page.sentences.append(f"Possible too: {listed(possible[:most_named])}.")
+    if page.kind in ("healthy", "fault") and probability < max(truths[others], default=0.0):
+        text = "It was decided because the costs of the other decisions are higher."
+        page.sentences.append(text)
+    if getattr(classifier, "temperature", None) is None:
+        page.sentences.append(
+            "The probabilities were not calibrated on left-out recordings: they are usually too "
+            "close to certainty."
+        )
+    if hasattr(classifier, "second_states"):
+        (second,) = classifier.second_states(table, [decision])
+        if second is not None:
+            page.sentences.append(f"There are {second_state_statement(decision, second)}.")
+    known = [names[k] for k in others if names[k] not in (decision, unknown)]
+    return known[0] if known else None
+
+
+def _add_typicality(page: Page) -> None:
+    typicality = float(page.row["typicality"])
+    if typicality <= 0.01:  # 1 in 100
+        page.sentences.append(
+            "The recording is unusual: fewer than 1 in 100 training recordings are as far away "
+            "from the states of the model."
+        )
+    elif not np.isnan(typicality):
+        page.normal.append(
+            f"as typical as the training recordings ({percent(typicality)} of them differ from "
+            f"their state by as much or more)"
+        )
 
 
 def _add_warnings(page: Page, model: Any, recording: Recording, new_lines: Sequence[str]) -> None:
@@ -263,14 +345,14 @@ def _add_warnings(page: Page, model: Any, recording: Recording, new_lines: Seque
     page.first += [statement.text for statement in statements or ()] or new_lines
 
 
-def _add_findings(page: Page, settings: Settings, recording: Recording, verdict: Verdict) -> None:
+def _add_findings(page: Page, settings: Settings, recording: Recording, other: Any) -> None:
     """State which orders are raised, or why this is not known."""
     model, parts = settings.model, settings.parts
     if parts is None:
         known = [part.parts for part in parts_of(model) if isinstance(part, FaultLines)]
         parts = known[0] if known else None
     page.parts = parts
-    reference = settings.healthy if settings.healthy is not None else verdict.other
+    reference = settings.healthy if settings.healthy is not None else other
     page.spectra = order_spectra(model, recording)
     background = settings.background
     try:
@@ -281,7 +363,7 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, verdict:
         page.notes.append(f"Which orders are raised is not known: {error}")
         return
     judged = lines_of_envelopes(page, parts, recording)
-    if verdict.kind == "fault" and parts is not None:  # nothing is normal against the decision
+    if page.kind == "fault" and parts is not None:  # nothing is normal against the decision
         judged = [fault.name for fault in fault_series(parts, 1)]
     found = find_raised(table, str(reference), parts, page.spectra, judged=judged)
     page.deviations, page.findings, page.reference = table, found, str(reference)
