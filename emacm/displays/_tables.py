@@ -159,20 +159,6 @@ def units_in(X: Any) -> dict[str, str]:
     return dict(first.units) if isinstance(first, Recording) else {}
 
 
-def as_envelope(quantity: str, unit: str, kind: str | None) -> tuple[str, str]:
-    """Return the quantity and the unit of an envelope; those given if `kind` is None.
-
-    Examples
-    --------
-    >>> as_envelope("PSD", "m/s²", "amplitude"), as_envelope("", "V", "squared")
-    (('envelope order spectrum', 'm/s²'), ('squared envelope', 'V²'))
-    """
-    if kind is None:
-        return quantity, unit
-    words = f"envelope {'order spectrum' if quantity == 'PSD' else quantity}".rstrip()
-    return (f"squared {words}", squared(unit)) if kind == "squared" else (words, unit)
-
-
 def quantity_of(
     quantity: str, channel: str, units: str | Mapping[str, str], envelopes: Mapping[str, str]
 ) -> tuple[str, str]:
@@ -204,13 +190,16 @@ def quantity_of(
     """
     base = channel.rstrip("+-")
     kind = envelopes.get(channel, envelopes.get(base))
-    unit = units if isinstance(units, str) else units.get(channel, "")
-    if not unit and not isinstance(units, str):
+    unit = units
+    if not isinstance(units, str):
         first = [name for name in units if kind is not None and channel.startswith(name)]
-        unit = units.get(max(first, key=len, default=base), "unit")
-    words, unit = as_envelope(quantity, unit, kind)
-    name = channel if kind is None else channel.removesuffix("_envelope")
-    return (f"{words} of {name}" if words else name), unit
+        unit = units.get(channel) or units.get(max(first, key=len, default=base), "unit")
+    if kind is not None:
+        channel = channel.removesuffix("_envelope")
+        quantity = f"envelope {'order spectrum' if quantity == 'PSD' else quantity}".rstrip()
+    if kind == "squared":
+        quantity, unit = f"squared {quantity}", squared(unit)
+    return (f"{quantity} of {channel}" if quantity else channel), unit
 
 
 def means_by_label(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -99,7 +98,6 @@ class OrderMapDisplay(OrderDisplay):
         *,
         theta_s: float = 2 * np.pi / 128,
         revolutions: float = 4,
-        min_speed: float = 0.0,
         max_order: float | None = None,
         ax: Any = None,
         **options: Any,
@@ -112,7 +110,7 @@ class OrderMapDisplay(OrderDisplay):
             One run.
         channel : str, optional
             Channel to draw. Default: the first.
-        theta_s, min_speed
+        theta_s
             As for `OrderResampler`.
         revolutions
             As for `OrderPSD`. Long segments resolve orders, short ones resolve time.
@@ -134,7 +132,7 @@ class OrderMapDisplay(OrderDisplay):
             segment.
         """
         chosen = _tables.chosen_channels(recording, channel and [channel])[0]
-        resampler = OrderResampler(theta_s, channels=[chosen], min_speed=min_speed)
+        resampler = OrderResampler(theta_s, channels=[chosen])
         strokes = resampler.fit_transform([recording])[0].strokes
         welch: dict[str, Any] = {"revolutions": revolutions, "max_order": max_order}
         plan = segment_plan(samples_per_revolution(theta_s), **welch)
@@ -179,9 +177,9 @@ class OrderMapDisplay(OrderDisplay):
         ax.set(xlabel=name, ylabel=_drawing.ORDER_LABEL, ylim=(heights[0], top))
         _drawing.mark_orders_beside(ax, self.fault_orders)
         self.colorbar_ = ax.figure.colorbar(mesh, ax=ax, extend="min")
-        quantity, unit = _tables.as_envelope("PSD", self.unit, self.envelope)
-        label = f"{quantity} of {self.channel} [dB re 1 {_drawing.squared(unit)}/order]"
-        self.colorbar_.set_label(label)
+        envelopes = {self.channel: self.envelope} if self.envelope else {}
+        words, unit = _tables.quantity_of("PSD", self.channel, self.unit, envelopes)
+        self.colorbar_.set_label(f"{words} [dB re 1 {_drawing.squared(unit)}/order]")
         return ax
 
     def _over_time(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
@@ -204,7 +202,7 @@ class OrderMapDisplay(OrderDisplay):
         return edges, means.reindex(range(self.n_speeds)).to_numpy()
 
 
-def _segments(stroke: AngleStroke, step: int, length: int, welch: Mapping[str, Any]) -> Segments:
+def _segments(stroke: AngleStroke, step: int, length: int, welch: dict[str, Any]) -> Segments:
     """Return spectra, intervals [s] and mean speeds [rad/s] of the segments of a stroke."""
     signal, theta_s = stroke.signals[0], stroke.parent.theta_s
     segments = np.lib.stride_tricks.sliding_window_view(signal, length)[::step]

@@ -110,11 +110,11 @@ class RecordingDisplay(Display):
     def _lines(self) -> dict[str, Line]:
         """Return the times and values of each channel, and of the shaft speed."""
         part = self.recording
-        sampled = {name: (part.fs[name], values) for name, values in part.signals.items()}
-        sampled["shaft speed"] = (part.shaft_fs, part.velocity)
+        rates = {**part.fs, "shaft speed": part.shaft_fs}
+        sampled = {**part.signals, "shaft speed": part.velocity}
         return {
-            name: (self.start + np.arange(len(values)) / fs, values)
-            for name, (fs, values) in sampled.items()
+            name: (self.start + np.arange(len(values)) / rates[name], values)
+            for name, values in sampled.items()
         }
 
     def frame(self) -> pd.DataFrame:
@@ -131,7 +131,8 @@ class RecordingDisplay(Display):
         units = self.recording.units if self.units is None else self.units
         envelopes = _tables.envelopes_in(self.recording)
         for panel, (name, line) in zip(axes, lines.items(), strict=True):
-            self._draw_line(panel, *line)
+            self._shade_strokes(panel)
+            panel.plot(*line, color=_drawing.PLAIN, linewidth=0.8)
             panel.set_xlim(self.start, max(times[-1] for times, _ in lines.values()))
             _drawing.label_y(panel, *_tables.quantity_of("", name, units, envelopes))
         axes[-1].axhline(0, color="0.4", linewidth=0.6)
@@ -140,25 +141,9 @@ class RecordingDisplay(Display):
         _drawing.legend_above(axes[0])
         return axes
 
-    def _draw_line(
-        self, panel: Any, times: NDArray[np.floating], values: NDArray[np.floating]
-    ) -> None:
+    def _shade_strokes(self, panel: Any) -> None:
         for start, stop, direction in self.strokes:
             label, grey, hatch = _STROKES[direction]
             named = label in panel.get_legend_handles_labels()[1]
             style = {"facecolor": grey, "edgecolor": "0.7", "hatch": hatch, "linewidth": 0}
             panel.axvspan(start, stop, zorder=0, label=None if named else label, **style)
-        panel.plot(*extremes(times, values), color=_drawing.PLAIN, linewidth=0.8)
-
-
-def extremes(times: NDArray[np.floating], values: NDArray[np.floating], most: int = 20_000) -> Line:
-    """Return the lowest and the highest sample of each short interval, at most `most` samples."""
-    if len(values) <= most:
-        return times, values
-    length = -(-2 * len(values) // most)
-    whole = len(values) // length * length
-    blocks = values[:whole].reshape(-1, length)
-    starts = np.arange(0, whole, length)
-    places = np.sort([starts + blocks.argmin(axis=1), starts + blocks.argmax(axis=1)], axis=0)
-    kept = np.concatenate([places.T.reshape(-1), np.arange(whole, len(values))])
-    return times[kept], values[kept]
