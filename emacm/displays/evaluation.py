@@ -90,15 +90,16 @@ class UnknownRocDisplay(Display):
     def _draw(self, ax: Any) -> Any:
         (ax,) = _drawing.panel_axes(ax, height=3.6)
         ax.plot([0, 100], [0, 100], color="0.6", linestyle=(0, (1, 2)), linewidth=1)
-        areas, frame = self.areas(), self.frame()
-        numbers = {name: n for n, name in enumerate(sorted(areas), 1)}  # 0 is the healthy state
+        areas = self.areas()
         is_flagged = self.table["typicality"] <= 0.01
         flagged = is_flagged.groupby([self.table["left_out"], self.table["is_unknown"]]).mean()
-        for family, curve in frame.groupby("left_out", sort=False):
-            number = numbers[str(family)]
+        for number, (family, curve) in enumerate(self.frame().groupby("left_out"), 1):
             style = _drawing.line_style(number)
             x, y = 100 * curve[["known_flagged", "unknown_flagged"]].to_numpy().T
-            label = f"{family}: AUROC {areas[str(family)]:.3f}{self._limits(family)}"
+            label = f"{family}: AUROC {areas[str(family)]:.3f}"
+            if self.intervals is not None:
+                low, high = self.intervals.loc[family, ["auroc_low", "auroc_high"]]
+                label += "" if np.isnan(low) else f" ({low:.3f} to {high:.3f})"
             ax.plot(x, y, label=label, linewidth=1.6, **style)
             marker = _drawing.style_of(_drawing.MARKERS, number)
             look = {"color": style["color"], "markeredgecolor": "black", "zorder": 3}
@@ -110,12 +111,6 @@ class UnknownRocDisplay(Display):
         _drawing.label_axes(ax, "known recordings flagged [%]", "unknown recordings flagged [%]")
         _drawing.legend_above(ax, title="family left out of training")
         return ax
-
-    def _limits(self, family: Any) -> str:
-        if self.intervals is None or family not in self.intervals.index:
-            return ""
-        low, high = self.intervals.loc[family, ["auroc_low", "auroc_high"]]
-        return "" if np.isnan(low) else f" ({low:.3f} to {high:.3f})"
 
 
 # Rate: label, colour and marker.

@@ -210,8 +210,7 @@ def _segments(stroke: AngleStroke, step: int, length: int, welch: dict[str, Any]
     starts = step * np.arange(len(segments))
     travel = theta_s * np.stack([starts, starts + length - 1], axis=1)
     path = stroke.path
-    # Below min_speed the shaft may reverse slightly; interpolation needs an increasing angle.
-    angles = np.maximum.accumulate(np.asarray(path.travel))
+    angles = np.asarray(path.travel)
     intervals = path.start_time + np.interp(travel, angles, np.arange(len(angles))) / path.fs
     turned = np.diff(travel)[:, 0] * (stroke.direction or 1)
     return psd, intervals, turned / np.diff(intervals)[:, 0]

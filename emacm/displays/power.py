@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from emacm.displays import _bars, _drawing, _tables
 from emacm.orders.bin_transformer import BinTransformer
@@ -79,14 +79,7 @@ class PowerDisplay(_tables.OrderDisplay):
 
     @classmethod
     def from_estimator(
-        cls,
-        estimator: Any,
-        X: Any,
-        channel: str | Sequence[str] | None = None,
-        *,
-        labels: ArrayLike | None = None,
-        ax: Any = None,
-        **options: Any,
+        cls, estimator: Any, X: Any, channel: str | Sequence[str] | None = None, **options: Any
     ) -> Self:
         """Transform recordings by a fitted pipeline, and draw the mean of each label.
 
@@ -99,12 +92,8 @@ class PowerDisplay(_tables.OrderDisplay):
             Recordings, or the input of the first step.
         channel : str or sequence of str, optional
             Channels to draw, as in the column names. Default: all.
-        labels : array-like of shape (n_recordings,), optional
-            Label of each recording. Default: the mean of all.
-        ax : matplotlib Axes or sequence of Axes, optional
-            Where to draw: one Axes for each channel.
         **options
-            As for the class.
+            As for `from_table`: labels, ax, and as for the class.
 
         Returns
         -------
@@ -123,7 +112,7 @@ class PowerDisplay(_tables.OrderDisplay):
         known = {option: getattr(step, option) for option in cls._from_step}
         known["envelopes"] = _tables.envelopes_of(estimator)
         known["unit"] = _tables.units_in(X) or "unit"
-        return cls.from_table(table, channel, labels=labels, ax=ax, **(known | options))
+        return cls.from_table(table, channel, **(known | options))
 
     def _label_power(self, panel: Any, channel: str, quantity: str, per: str = "") -> None:
         """Label the y axis with quantity, channel and unit."""
@@ -230,10 +219,16 @@ class OrderSpectrumDisplay(PowerDisplay):
         n_channels = len(self.channels)
         axes = _drawing.panel_axes(ax, n_channels, height=3.8 if n_channels == 1 else 2.0)
         top = self.orders[-1] if self.max_order is None else self.max_order
+        # Detrending changes the line at order 0, which is not the order of any fault.
+        drawn = (self.orders > 0) & (self.orders <= top)
         gap = 0.0
         for i, (panel, channel) in enumerate(zip(axes, self.channels, strict=True)):
             for label, number in _drawing.state_numbers(self.spectra, self.healthy).items():
-                self._draw_line(panel, self.spectra[label][i], top, label, number)
+                style = {"label": _drawing.wrapped(label), **_drawing.line_style(number)}
+                if len(self.spectra) == 1:
+                    style["linestyle"] = "-"
+                power = _drawing.decibels(self.spectra[label][i][drawn])
+                panel.plot(self.orders[drawn], power, linewidth=1.2, **style)
             panel.set_xlim(0, top)
             density = self.scaling == "density"
             self._label_power(panel, channel, *(("PSD", "/order") if density else ("power",)))
@@ -241,18 +236,6 @@ class OrderSpectrumDisplay(PowerDisplay):
         _drawing.label_x(axes, _drawing.ORDER_LABEL)
         _drawing.legend_above(axes[0], gap=gap)
         return axes[0] if isinstance(self.channel, str) else axes
-
-    def _draw_line(
-        self, panel: Any, values: NDArray[np.floating], top: float, label: str, number: int
-    ) -> None:
-        # Detrending changes the line at order 0, which is not the order of any fault.
-        drawn = (self.orders > 0) & (self.orders <= top)
-        power = _drawing.decibels(values[drawn])
-        if not np.all(np.isnan(power)):
-            style = {"label": _drawing.wrapped(label), **_drawing.line_style(number)}
-            if len(self.spectra) == 1:
-                style["linestyle"] = "-"
-            panel.plot(self.orders[drawn], power, linewidth=1.2, **style)
 
 
 @dataclass(eq=False, repr=False)
