@@ -71,8 +71,7 @@ def verify_model(path: str | os.PathLike[str], recordings: RecordingFolder) -> V
     )
     refit = clone(model).fit(recordings, labels, **groups_options(model, groups))
     posteriors = refit.predict_proba(recordings) - model.predict_proba(recordings)
-    rows = [*_files(stated["files"], again["files"]), *_states(stated, again)]
-    rows += _figures(stated, again)
+    rows = [*_files(stated["files"], again["files"]), *_figures(stated, again)]
     rows.append(("posteriors of the model, fitted again", 0, np.abs(posteriors).max(), 1e-6))
     table = pd.DataFrame(rows, columns=["what", "expected", "computed", "tolerance"])
     here = installed_versions()
@@ -89,18 +88,13 @@ def _files(stated: dict[str, str], found: dict[str, str]) -> Iterator[Row]:
     yield "files that were added", 0, len(found.keys() - stated.keys()), 0
 
 
-def _states(stated: dict[str, Any], found: dict[str, Any]) -> Iterator[Row]:
-    before, now = (evidence_table(each, "states") for each in (stated, found))
-    for state in before.index.union(now.index):
-        for name in before:
-            counts = (table[name].get(state, 0) for table in (before, now))
-            yield f"{name} of {state}", *counts, 0
-
-
 def _figures(stated: dict[str, Any], found: dict[str, Any]) -> Iterator[Row]:
-    for table in ("rates", "left_out"):
+    """Yield the counts of each state, and the figures of each split and family left out."""
+    for table in ("states", "rates", "left_out"):
         before, now = (evidence_table(each, table) for each in (stated, found))
         for case, row in before.select_dtypes("number").iterrows():
             for name, value in row.dropna().items():
                 computed = now.get(name, {}).get(case, np.nan)
                 yield f"{name.replace('_', ' ')}, {before.index.name} {case}", value, computed, 1e-6
+        for case in now.index.difference(before.index):
+            yield f"{now.index.name} {case}, which the file does not state", 0, 1, 0

@@ -45,11 +45,11 @@ class Verification:
     @classmethod
     def of(cls, table: pd.DataFrame, notes: Iterable[str], start: float) -> Verification:
         """Compare the columns "expected" and "computed"; `start` is a time of `perf_counter`."""
-        difference = table["computed"] - table["expected"]
-        passed = difference.abs() <= table["tolerance"]
-        order = ["what", "source", "expected", "computed", "difference", "tolerance", "passed"]
-        compared = table.assign(difference=difference, passed=passed)[order]
-        return cls(compared, tuple(notes), perf_counter() - start)
+        table = table[["what", "source", "expected", "computed"]].assign(
+            difference=table["computed"] - table["expected"], tolerance=table["tolerance"]
+        )
+        passed = table["difference"].abs() <= table["tolerance"]
+        return cls(table.assign(passed=passed), tuple(notes), perf_counter() - start)
 
     @property
     def passed(self) -> bool:
@@ -92,10 +92,7 @@ class Verification:
 
     def _as_text(self) -> pd.DataFrame:
         digits = {"expected": 6, "computed": 6, "difference": 2, "tolerance": 2}
-        numbers = {
-            name: [f"{value:.{n_digits}g}" for value in self.table[name]]
-            for name, n_digits in digits.items()
-        }
+        numbers = {name: self.table[name].map(f"{{:.{n}g}}".format) for name, n in digits.items()}
         texts = self.table[["what", "source"]].apply(lambda x: x.str.ljust(x.str.len().max()))
         passed = self.table["passed"].map({True: "yes", False: "NO"})
         return self.table.assign(**numbers, **texts, passed=passed)

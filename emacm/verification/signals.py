@@ -37,15 +37,6 @@ def run_up() -> dict[str, float]:
     }
 
 
-def speed_variation() -> dict[str, float]:
-    """Resample a tone that is locked to a shaft whose speed varies by half a percent."""
-    time = np.arange(100_000) / 10_000
-    angle = 2 * np.pi * 20 * time + (1 - np.cos(0.6 * np.pi * time)) / 3
-    recording = Recording({"x": 3 * np.sin(27 * angle)}, 10_000, angle=angle)
-    orders, spectrum = _spectrum(recording)
-    return {"order": orders[spectrum.argmax()], "power": spectrum.max()}
-
-
 def reversals() -> dict[str, float]:
     """Cut a motion forth and back into strokes, with a line in the forward ones only."""
     time = np.arange(30_000) / 10_000
@@ -72,16 +63,9 @@ def aliasing() -> dict[str, float]:
     return {name: 10 ** (level / 20) for name, level in levels.items()}
 
 
-def interpolation() -> dict[str, float]:
-    """Interpolate at four samples per cycle; the loss is the transform of the kernel."""
-    kinds = ("linear", "cubic")
-    return {
-        kind: _level(50, 4000, 20.0, 128, antialias=False, interpolation=kind) for kind in kinds
-    }
-
-
-def noise_floor(*, fs: int = 48_000, speed: float = 47.3) -> dict[str, float]:
-    """Resample white noise at `speed` revolutions per second."""
+def noise_floor() -> dict[str, float]:
+    """Resample white noise."""
+    fs, speed = 48_000, 47.3  # revolutions per second
     noise = np.random.default_rng(0).standard_normal(4 * fs)
     recording = Recording({"x": noise}, fs, velocity=2 * np.pi * speed)
     found = {}

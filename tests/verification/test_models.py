@@ -48,9 +48,9 @@ def test_the_evidence_is_computed_again_and_a_changed_file_is_found(here, capsys
     rows = {row["what"]: row for row in json.loads(Path("again.json").read_text())["answers"]}
     assert rows["files with another content"]["computed"] == 1
     assert rows["files that were added"]["computed"] == 1
-    assert rows["recordings of worn"]["difference"] == 1
+    assert rows["recordings, state worn"]["difference"] == 1
     assert not rows["posteriors of the model, fitted again"]["passed"]
-    assert rows["units of healthy"]["passed"]
+    assert rows["units, state healthy"]["passed"]
 
 
 def test_the_card_states_what_the_model_is_for_and_how_it_decided(here, capsys):
