@@ -128,15 +128,16 @@ def _linear_part(name: str, step: Any, row: Array) -> Array:
     n_columns = row.shape[1]
     scale = np.sqrt(np.mean(row**2)) or 1.0
     away = scale * np.random.default_rng(0).uniform(-2, 2, (3, n_columns))
-    try:
-        matrix = _responses(step, row, np.full(n_columns, scale))[0].T / scale
-        measured = apply_step(step, row + away) - apply_step(step, row)
-    except ValueError as error:
-        raise _untraceable(name, step) from error
+    matrix = _responses(step, row, np.full(n_columns, scale))[0].T / scale
+    measured = apply_step(step, row + away) - apply_step(step, row)
     predicted = away @ matrix.T
     deviation = np.abs(measured - predicted).max(initial=0.0)
     if not deviation <= 1e-6 * np.abs(predicted).max(initial=0.0):
-        raise _untraceable(name, step)
+        raise ValueError(
+            f"step {name!r} ({type(step).__name__}) cannot be traced back to the bins: it must be "
+            f"linear, or element-wise and before any step that mixes columns. Replace it by a "
+            f"linear projection (PCA, LDA), and take logarithms before that."
+        )
     return matrix
 
 
@@ -147,11 +148,3 @@ def _responses(step: Any, row: Array, changes: Array) -> tuple[Array, Array]:
     """
     before, after = apply_step(step, row), apply_step(step, row + np.diag(changes))
     return after - before, np.abs(before) + np.abs(after).max(axis=0)
-
-
-def _untraceable(name: str, step: Any) -> ValueError:
-    return ValueError(
-        f"step {name!r} ({type(step).__name__}) cannot be traced back to the bins: it must be "
-        f"linear, or element-wise and before any step that mixes columns. Replace it by a linear "
-        f"projection (PCA, LDA), and take logarithms before that."
-    )

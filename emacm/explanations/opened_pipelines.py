@@ -70,7 +70,12 @@ def _columns(step: Any, names: Any, scales: Array) -> tuple[Any, Array]:
             names, scales = _columns(inner, names, scales)
         return names, scales
     if isinstance(step, FeatureUnion):
-        return _union_columns(step, names, scales)
+        parts = [(prefix, *_columns(own, names, scales)) for prefix, own in step.transformer_list]
+        if any(own is None for _, own, _ in parts):
+            return None, scales
+        verbose = step.verbose_feature_names_out
+        joined = [f"{prefix}__{n}" if verbose else n for prefix, own, _ in parts for n in own]
+        return joined, np.concatenate([own for _, _, own in parts])
     if isinstance(step, FunctionTransformer) and names is not None:
         scale = _decibels_per_unit(step)
         scales = np.where(np.isinf(scales), scale, np.nan)
@@ -83,17 +88,6 @@ def _columns(step: Any, names: Any, scales: Array) -> tuple[Any, Array]:
         known = {BinTransformer: np.inf, OrderPSD: np.inf, FaultLines: 1.0}  # levels in dB
         scales = np.full(len(names), known.get(type(step), np.nan))
     return names, scales
-
-
-def _union_columns(union: FeatureUnion, names: Any, scales: Array) -> tuple[Any, Array]:
-    joined, found = [], []
-    for prefix, step in union.transformer_list:
-        own, own_scales = _columns(step, names, scales)
-        if own is None:
-            return None, scales
-        joined += [f"{prefix}__{name}" if union.verbose_feature_names_out else name for name in own]
-        found.append(own_scales)
-    return joined, np.concatenate(found)
 
 
 def _decibels_per_unit(logarithm: FunctionTransformer) -> float:
@@ -201,10 +195,8 @@ class OpenedPipeline:
                 f"X must have the columns of the fit, {list(expected)}, got {list(names)}."
             )
         values = np.asarray(check_real_array(X, "X"), dtype=np.float64)
-        if values.ndim != 2:
-            raise ValueError(f"X must be a table of recordings, got shape {values.shape}.")
-        numbered = [f"x{i}" for i in range(values.shape[1])]
-        labels = list(next((own for own in (names, expected) if own is not None), numbered))
+        labels = expected if names is None else names
+        labels = [f"x{i}" for i in range(values.shape[1])] if labels is None else list(labels)
         check_finite_table(values, "recording", labels)
         return values, labels
 
@@ -253,19 +245,13 @@ def one_recording(x: Any) -> Any:
     return x
 
 
-def _flat_steps(estimator: Any, prefix: str = "") -> list[tuple[str, Any]]:
+def _flat_steps(estimator: Any, name: str = "") -> list[tuple[str, Any]]:
     """Return the steps that do something, with nested pipelines and searches opened."""
-    inner = search_estimator(estimator)
-    if inner is not estimator:
-        return _flat_steps(inner, prefix)
-    if not isinstance(estimator, Pipeline):
-        return [(prefix or type(estimator).__name__.lower(), estimator)]
-    return [
-        flat
-        for name, step in estimator.steps
-        if step not in (None, "passthrough")
-        for flat in _flat_steps(step, f"{prefix}__{name}" if prefix else name)
-    ]
+    opened = search_estimator(estimator)
+    if not isinstance(opened, Pipeline):
+        return [(name or type(opened).__name__.lower(), opened)]
+    steps = [own for own in opened.steps if own[1] not in (None, "passthrough")]
+    return [flat for inner, step in steps for flat in _flat_steps(step, inner)]
 
 
 def _first_table(steps: Sequence[tuple[str, Any]], X: Any) -> int:
