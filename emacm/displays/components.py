@@ -46,7 +46,7 @@ class ExplainedVarianceDisplay(Display):
 
     @classmethod
     def from_estimator(
-        cls, estimator: Any, *, n_shown: int = 20, ax: Any = None
+        cls, estimator: Any, *, ax: Any = None, **options: Any
     ) -> ExplainedVarianceDisplay:
         """Draw the shares of a fitted principal component analysis.
 
@@ -54,10 +54,10 @@ class ExplainedVarianceDisplay(Display):
         ----------
         estimator : PCA, or Pipeline with such a step
             Fitted; anything with `explained_variance_ratio_`.
-        n_shown : int
-            Highest number of components to draw.
         ax : matplotlib Axes, optional
             Where to draw.
+        **options
+            As for the class: n_shown.
 
         Returns
         -------
@@ -68,10 +68,8 @@ class ExplainedVarianceDisplay(Display):
         ValueError
             If there is no such step.
         """
-        step, _ = _tables.pipeline_until(
-            estimator, lambda s: hasattr(s, "explained_variance_ratio_"), "a fitted PCA"
-        )
-        return cls(step.explained_variance_ratio_, n_shown=n_shown).plot(ax=ax)
+        step, _ = _components_of(estimator)
+        return cls(step.explained_variance_ratio_, **options).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
         """Return the shares and their cumulative sum, one row per component."""
@@ -90,6 +88,13 @@ class ExplainedVarianceDisplay(Display):
         ax.xaxis.get_major_locator().set_params(integer=True)
         _drawing.legend_above(ax)
         return ax
+
+
+def _components_of(estimator: Any) -> tuple[Any, Any]:
+    """Return a fitted principal component analysis, and the steps before it."""
+    return _tables.pipeline_until(
+        estimator, lambda s: hasattr(s, "explained_variance_ratio_"), "a fitted PCA"
+    )
 
 
 @dataclass(eq=False, repr=False)
@@ -166,9 +171,7 @@ class LoadingsDisplay(Display):
         ValueError
             If there is no such step, or names are not known.
         """
-        step, before = _tables.pipeline_until(
-            estimator, lambda s: hasattr(s, "explained_variance_ratio_"), "a fitted PCA"
-        )
+        step, before = _components_of(estimator)
         shares = 100 * step.explained_variance_ratio_[:n_components]
         titles = [f"component {i} ({share:.3g} %)" for i, share in enumerate(shares, 1)]
         names = getattr(step, "feature_names_in_", None)

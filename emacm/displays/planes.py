@@ -25,6 +25,11 @@ class PlaneDisplay(Display):
     names: tuple[str, str]
     healthy: Any
 
+    def frame(self) -> pd.DataFrame:
+        """Return the recordings: two features, and the true class."""
+        table = pd.DataFrame(self.points, columns=list(self.names))
+        return table.assign(true=self.labels)
+
     def _check_points(self, states: Sequence[Any]) -> None:
         """Check the recordings; `states` are those that the classifier knows."""
         self.points = _tables.check_values(self.points, "points", (None, 2))
@@ -197,16 +202,6 @@ class FeatureDensityDisplay(PlaneDisplay):
         circle = radius * np.stack([np.cos(turn), np.sin(turn)])
         return self.means[number][:, np.newaxis] + axes @ (widths[:, np.newaxis] * circle)
 
-    def frame(self) -> pd.DataFrame:
-        """Return mean, standard deviation and correlation of the features, one row per class."""
-        deviations = np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
-        table = pd.DataFrame(index=pd.Index(self.classes, name="class"))
-        table[[f"mean of {name}" for name in self.names]] = self.means
-        table[[f"deviation of {name}" for name in self.names]] = deviations
-        with np.errstate(divide="ignore", invalid="ignore"):
-            table["correlation"] = self.covariances[:, 0, 1] / deviations.prod(axis=1)
-        return table
-
     def _draw(self, ax: Any) -> Any:
         (ax,) = _drawing.panel_axes(ax, height=3.8)
         markers, lines = self._draw_points(ax), {}
@@ -325,11 +320,6 @@ class DecisionRegionsDisplay(PlaneDisplay):
         decisions = list(estimator.decisions_)
         regions = pd.Index(decisions).get_indexer(estimator.predict(grid)).reshape(n_grid, n_grid)
         return cls(first, second, regions, decisions, points, y, **options).plot(ax=ax)
-
-    def frame(self) -> pd.DataFrame:
-        """Return the recordings: two features, and the true class."""
-        table = pd.DataFrame(self.points, columns=list(self.names))
-        return table.assign(true=self.labels)
 
     def _draw(self, ax: Any) -> Any:
         (ax,) = _drawing.panel_axes(ax, height=3.8)
