@@ -8,8 +8,7 @@ from emacm.files.folder import RecordingFolder
 from emacm.files.layout import Layout
 from emacm.models.model_files import model_description
 from emacm.reports.written_pages import written_record
-from emacm.verification.models import verify_model
-from emacm.verification.record import verify
+from emacm.verification.record import verify, verify_model
 
 
 def run(options: argparse.Namespace) -> int:

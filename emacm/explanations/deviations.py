@@ -15,8 +15,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
-from emacm.explanations.feature_traces import FeatureTrace
-from emacm.explanations.opened_pipelines import OpenedPipeline, TracedRecordings, one_recording
+from emacm.explanations.opened_pipelines import (
+    FeatureTrace,
+    OpenedPipeline,
+    TracedRecordings,
+    one_recording,
+)
 
 Array = NDArray[np.float64]
 
