@@ -104,12 +104,9 @@ def draw_steps(
     ax.plot(x, y, label=wrapped(label), **style)
 
 
-def draw_bars(
-    ax: Any, places: NDArray[Any], values: NDArray[Any], *, bottom: float = 0.0, **style: Any
-) -> None:
-    """Draw a bar from `bottom` to each value, between the edges of its bin."""
-    widths = places[:, 1] - places[:, 0]
-    ax.bar(places[:, 0], values - bottom, widths, bottom=bottom, align="edge", **style)
+def draw_bars(ax: Any, places: NDArray[Any], values: NDArray[Any], **style: Any) -> None:
+    """Draw a bar to each value, between the edges of its bin."""
+    ax.bar(places[:, 0], values, places[:, 1] - places[:, 0], align="edge", **style)
 
 
 def draw_stop_bands(ax: Any, stop_bands: Sequence[Band]) -> None:

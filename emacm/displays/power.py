@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from emacm.displays import _bars, _drawing, _tables
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.bins import check_stop_bands
-from emacm.orders.columns import BinBlock, column_names, parse_bin_columns, parse_order_columns
+from emacm.orders.columns import column_names, parse_bin_columns, parse_order_columns
 from emacm.orders.order_psd import OrderPSD
 
 
@@ -240,10 +240,9 @@ class OrderSpectrumDisplay(PowerDisplay):
 
 @dataclass(eq=False, repr=False)
 class OrderBinsDisplay(PowerDisplay):
-    """Power in order bins, one panel for each channel.
+    """Power in order bins, a stepped line for each group of recordings, a panel for each channel.
 
-    One group of recordings is drawn as bars, several as one stepped line each. Bins that overlap
-    are drawn side by side, under their names.
+    Bins that overlap are drawn side by side, under their names.
 
     Parameters
     ----------
@@ -311,25 +310,11 @@ class OrderBinsDisplay(PowerDisplay):
     def _draw(self, ax: Any) -> Any:
         axes = _bars.bin_panels(ax, [[block] for block in self.blocks])
         for panel, block in zip(axes, self.blocks, strict=True):
-            self._draw_block(panel, block)
+            for label, number in _drawing.state_numbers(self.powers, self.healthy).items():
+                levels = _drawing.decibels(self.powers[label][block.columns])
+                _bars.draw_steps(panel, _bars.bin_places(block), levels, label, number)
             if _bars.has_order_axis(block):
                 _bars.draw_stop_bands(panel, self.stop_bands)  # last in the legend
             self._label_power(panel, block.channel, "power")
         _drawing.legend_above(axes[0], gap=_bars.mark_panels(axes, self.blocks, self.fault_orders))
         return axes
-
-    def _draw_block(self, panel: Any, block: BinBlock) -> None:
-        places = _bars.bin_places(block)
-        for label, number in _drawing.state_numbers(self.powers, self.healthy).items():
-            levels = _drawing.decibels(self.powers[label][block.columns])
-            if len(self.powers) > 1:
-                _bars.draw_steps(panel, places, levels, label, number)
-                continue
-            known = levels[np.isfinite(levels)]
-            low, high = (known.min(), known.max()) if len(known) else (0.0, 0.0)
-            # Decibel bars have no natural zero; start below the minimum.
-            margin = max(1.0, 0.08 * (high - low))
-            style = {"label": _drawing.wrapped(label)}
-            style |= _bars.bar_style(_drawing.colour_of(number))
-            _bars.draw_bars(panel, places, levels, bottom=low - margin, **style)
-            panel.set_ylim(low - margin, high + margin)

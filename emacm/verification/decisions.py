@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import multivariate_normal
@@ -43,7 +41,8 @@ def posteriors() -> dict[str, float]:
     }
     found = {name: model.predict_proba([[0.0]])[0, 0] for name, model in models.items()}
     found["unequal"] = unequal.predict_proba([[0.75]])[0, 0]
-    X, y = _drawn(1.0, 1000)
+    X, y = np.random.default_rng(5).standard_normal((2000, 2)), np.repeat(["a", "b"], 1000)
+    X[y == "b", 0] += 1.0
     # LDA divides the covariance by N, not by N - K.
     tied = CostSensitiveGaussianBayes(covariance="tied", temperature=1998 / 2000).fit(X, y)
     of_lda = LinearDiscriminantAnalysis(solver="lsqr").fit(X, y).predict_proba(X)
@@ -71,17 +70,6 @@ def least_risk() -> dict[str, float]:
     return found | {"refit": difference, "mean": mean}
 
 
-def error_rates() -> dict[str, float]:
-    """Count errors between two Gaussian classes, whose rates follow from their distance."""
-    (X, y), found = _drawn(3.0, 100_000), {}
-    model = CostSensitiveGaussianBayes(covariance="tied", priors="uniform").fit(X, y)
-    for missed, label in ((1.0, ""), (10.0, " at 10")):
-        decided = model.set_params(cost=[[0, missed], [1, 0]]).predict(X)
-        found[f"false alarms{label}"] = np.mean(decided[y == "a"] == "b")
-        found[f"missed{label}"] = np.mean(decided[y == "b"] == "a")
-    return found
-
-
 def chapter_3() -> dict[str, float]:
     """Decide on three classes of 40 runs in bins of order 1, chapter 3 of the thesis."""
     recordings, y = chapter3_recordings(40)
@@ -97,10 +85,3 @@ def _pairs(*moments: float) -> Table:
     mean_a, spread_a, mean_b, spread_b = moments
     ends = np.array([[-1.0], [1.0]]) / np.sqrt(2)
     return np.vstack([mean_a + spread_a * ends, mean_b + spread_b * ends]), np.array(list("aabb"))
-
-
-def _drawn(distance: float, n_each: int) -> Table:
-    """Draw recordings of two classes at a Mahalanobis distance."""
-    X: Any = np.random.default_rng(5).standard_normal((2 * n_each, 2))
-    X[n_each:, 0] += distance
-    return X, np.repeat(["a", "b"], n_each)

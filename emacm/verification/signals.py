@@ -98,16 +98,6 @@ def _spectrum(
     return psd.orders_, spectrum
 
 
-def sine_of_the_thesis() -> dict[str, float]:
-    """Read the spectrum of 40 Hz at 640 Hz, 32 samples, Fig. 2.5 of the thesis."""
-    sine = np.sin(2 * np.pi * 40 * np.arange(32) / 640)
-    options: dict[str, Any] = {"n_per_segment": 32, "window": "boxcar"}
-    hertz, psd = order_psd(sine, 640, **options)  # samples per second: hertz in place of orders
-    lines, power = order_psd(sine, 1, scaling="spectrum", **options)
-    found = {"frequency": hertz[psd.argmax()], "density": psd.max()}
-    return found | {"normalised": lines[power.argmax()], "power": power.max()}
-
-
 def welchs_method() -> dict[str, float]:
     """Compare spectra with those of SciPy, and their integral with the mean square."""
     noise = np.random.default_rng(1).standard_normal(64 * 400)
