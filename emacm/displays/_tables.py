@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.pipeline import Pipeline
+from sklearn.utils import check_consistent_length
 
 from emacm._checks import check_number
 from emacm.decisions.pipelines import parts_of
@@ -47,23 +48,6 @@ def check_values(
         value = array[tuple(invalid[0])]
         raise ValueError(
             f"{name} must be finite and at least {least:g}, got {value} at {invalid[0]}."
-        )
-    return array
-
-
-def check_labels(labels: ArrayLike, n_recordings: int, name: str = "labels") -> NDArray[Any]:
-    """Return one label for each recording.
-
-    Raises
-    ------
-    ValueError
-        If the number of labels differs.
-    """
-    array = np.asarray(labels)
-    if array.shape != (n_recordings,):
-        raise ValueError(
-            f"{name} must hold one label for each of {n_recordings} recordings, got shape "
-            f"{array.shape}."
         )
     return array
 
@@ -213,7 +197,8 @@ def means_by_label(
         If a value is not finite, or the number of labels differs.
     """
     table = check_values(values, "the table", (None, None))
-    groups = check_labels([otherwise] * len(table) if labels is None else labels, len(table))
+    groups = np.asarray([otherwise] * len(table) if labels is None else labels)
+    check_consistent_length(table, groups)
     means = pd.DataFrame(table).groupby(groups, dropna=False).mean()
     return dict(zip(means.index.map(str), means.to_numpy(), strict=True))
 

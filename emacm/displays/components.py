@@ -102,7 +102,7 @@ def _components_of(estimator: Any) -> tuple[Any, Any]:
 class LoadingsDisplay(Display):
     """Weight of each order bin in the principal components, one panel for each component.
 
-    One channel is drawn as bars, several as one stepped line each.
+    Each channel is a stepped line.
 
     Parameters
     ----------
@@ -193,10 +193,7 @@ class LoadingsDisplay(Display):
             panel.axhline(0, color="0.3", linewidth=0.6)
             for number, block in enumerate(blocks, 1):
                 places, own = _bars.bin_places(block), weights[block.columns]
-                if len(blocks) == 1:
-                    _bars.draw_bars(panel, places, own, **bar_style(_drawing.PLAIN))
-                else:
-                    _bars.draw_steps(panel, places, own, block.channel, number)
+                _bars.draw_steps(panel, places, own, block.channel, number)
             unbroken = title.replace(" ", "\u00a0")
             _drawing.label_y(panel, f"weight in {unbroken}", "1")
         _drawing.legend_above(axes[0])
@@ -245,8 +242,8 @@ class ContributionsDisplay(OrderDisplay):
     --------
     >>> names = ["torque@0-1", "torque@3-4"]
     >>> display = ContributionsDisplay(names, [-0.5, 2.0], fault_orders={"screw": 3.125})
-    >>> display.frame().to_numpy().tolist()
-    [['torque', '0-1', -0.5, ''], ['torque', '3-4', 2.0, 'screw']]
+    >>> display.frame()["contribution"].to_dict()
+    {('torque', '0-1'): -0.5, ('torque', '3-4'): 2.0}
     """
 
     columns: InitVar[Sequence[Any]]
@@ -288,13 +285,8 @@ class ContributionsDisplay(OrderDisplay):
         return cls(table["column"], table["contribution"], **options).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
-        """Return the contributions, one row per bin, and the names of the fault orders in it."""
-        rows = [
-            (block.channel, name, self.contributions[column], self._faults_within(block, place))
-            for block in self.blocks
-            for place, (name, column) in enumerate(zip(block.names, block.columns, strict=True))
-        ]
-        return pd.DataFrame(rows, columns=["channel", "bin", "contribution", "fault_orders"])
+        """Return the contributions, one row per channel and bin."""
+        return _bars.bin_frame(self.blocks, {"contribution": self.contributions})
 
     def _draw(self, ax: Any) -> Any:
         axes = _bars.bin_panels(ax, [[block] for block in self.blocks])
@@ -318,9 +310,3 @@ class ContributionsDisplay(OrderDisplay):
             _drawing.label_y(panel, f"contribution of {block.channel}", self.unit)
         _drawing.legend_above(axes[0], gap=_bars.mark_panels(axes, self.blocks, self.fault_orders))
         return axes
-
-    def _faults_within(self, block: Any, place: int) -> str:
-        if block.bands is None:
-            return ""
-        orders, (low, high) = self.fault_orders["order"], block.bands[place]
-        return ", ".join(orders.index[(orders >= low) & (orders < high)])

@@ -10,9 +10,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from sklearn.metrics import roc_auc_score, roc_curve
+from sklearn.utils import check_consistent_length
 
 from emacm.decisions.truths import label_list
-from emacm.displays import _drawing, _tables
+from emacm.displays import _drawing
 from emacm.displays._drawing import Display
 from emacm.evaluation.novelty import UnknownEvaluation
 from emacm.evaluation.results import Evaluation
@@ -123,6 +124,7 @@ RATES = {
     "inspection_rate": ("inspections (of healthy)", "0.4", "v"),
     "missed_detection_rate": ("missed detections (of faulty)", _drawing.COLOURS[1], "^"),
 }
+_ENDS = ("", "_low", "_high")  # of a rate and its interval
 CENTRED = {"ha": "center", "va": "center", "fontsize": _drawing.SMALL}
 CURVE = ["confidence", "frequency", "low", "high", "count"]
 
@@ -169,9 +171,8 @@ class EvaluationDisplay(Display):
     ...     index=["by run"],
     ... )
     >>> confusion = pd.DataFrame([[9, 1], [1, 9]], index=["new", "worn"], columns=["new", "worn"])
-    >>> EvaluationDisplay(table, confusion).frame()
-       scheme           figure  value  low  high
-    0  by run  inspection_rate    0.2  0.1   0.3
+    >>> EvaluationDisplay(table, confusion).frame().loc["by run"].tolist()
+    [0.2, 0.1, 0.3]
     """
 
     table: pd.DataFrame
@@ -227,13 +228,8 @@ class EvaluationDisplay(Display):
         return cls(evaluation.table, confusion, curve, scheme=chosen, **options).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
-        """Return the rates: one row per scheme and rate, with its interval."""
-        rows = [
-            (scheme, rate, *row[[rate, f"{rate}_low", f"{rate}_high"]])
-            for scheme, row in self.table.iterrows()
-            for rate in self.figures
-        ]
-        return pd.DataFrame(rows, columns=["scheme", "figure", "value", "low", "high"])
+        """Return the rates with their intervals, one row per scheme."""
+        return self.table[[f"{rate}{end}" for rate in self.figures for end in _ENDS]]
 
     def _draw(self, ax: Any) -> Any:
         n_panels = 2 if self.calibration is None else 3
@@ -262,8 +258,7 @@ class EvaluationDisplay(Display):
         """Draw the rates in per cent with their intervals, the first scheme on top."""
         places = np.arange(len(self.table))
         for number, name in enumerate(self.figures):
-            columns = (name, f"{name}_low", f"{name}_high")
-            value, low, high = (100 * self.table[column].to_numpy(float) for column in columns)
+            value, low, high = (100 * self.table[name + end].to_numpy(float) for end in _ENDS)
             if np.isnan(value).all():
                 continue
             label, colour, marker = RATES[name]
@@ -431,7 +426,9 @@ class OutcomesDisplay(Display):
             inspections cannot be distinguished.
         """
         truths, decided = label_list(y_true, "y_true"), label_list(y_pred, "y_pred")
-        _tables.check_labels(decided, len(truths), "y_pred")
+        if conditions is None:
+            conditions = np.full(len(truths), "all recordings")
+        check_consistent_length(truths, decided, conditions)
         states = {*truths, *label_list(() if classes is None else classes)}
         is_correct = np.array([one == other for one, other in zip(truths, decided, strict=True)])
         inspected = np.array([decision not in (*states, healthy) for decision in decided])
@@ -450,11 +447,8 @@ class OutcomesDisplay(Display):
             ["correct", "inspection", "false alarm", "missed detection"],
             "wrong fault",
         )
-        if conditions is None:
-            conditions = np.full(len(truths), "all recordings")
-        conditions = _tables.check_labels(conditions, len(truths), "conditions")
         rows = pd.DataFrame({name: outcome == name for name in OUTCOMES}).astype(int)
-        counts = rows.groupby(conditions, sort=False).sum().rename_axis("condition")
+        counts = rows.groupby(np.asarray(conditions), sort=False).sum().rename_axis("condition")
         return cls(counts).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
+from sklearn.utils import check_consistent_length
 from sklearn.utils.validation import check_is_fitted
 
 from emacm.displays import _drawing, _tables
@@ -33,7 +34,8 @@ class PlaneDisplay(Display):
     def _check_points(self, states: Sequence[Any]) -> None:
         """Check the recordings; `states` are those that the classifier knows."""
         self.points = _tables.check_values(self.points, "points", (None, 2))
-        self.labels = _tables.check_labels(self.labels, len(self.points))
+        self.labels = np.asarray(self.labels)
+        check_consistent_length(self.points, self.labels)
         self._known = [str(state) for state in states]
         found = [*self._known, *np.unique(self.labels)]
         self._numbers = _drawing.state_numbers(found, self.healthy)

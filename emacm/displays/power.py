@@ -30,12 +30,8 @@ class PowerDisplay(_tables.OrderDisplay):
     _of_means: ClassVar[Any]  # constructor from means by label, and the blocks of channels
 
     unit: str | Mapping[str, str] = "unit"
-    envelopes: Any = None
+    envelopes: Mapping[str, str] = field(default_factory=dict)
     healthy: Any = _drawing.HEALTHY
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.envelopes = dict(self.envelopes or {})
 
     @classmethod
     def from_table(

@@ -368,7 +368,7 @@ def _deviations(
     `others` are the positions of background recordings, whose range is that of the training
     where the features are projections of several columns.
     """
-    low, high, spread = np.full((3, len(step[0])), np.nan)
+    low = high = spread = np.full(len(step[0]), np.nan)
     if not traced.trace.linear:  # each feature is the position of one column
         low, high = classifier.feature_range_
         spread = classifier.distances_.deviations

@@ -114,28 +114,22 @@ class FeatureTrace:
 
     Attributes
     ----------
-    elementwise, linear : tuple of (name, transformer)
-        The fitted steps of each kind.
+    elementwise : tuple of (name, transformer)
+        The fitted element-wise steps.
+    linear : bool
+        Whether there are linear steps.
     matrix : ndarray of shape (n_features, n_columns)
         Matrix of the linear steps, which is applied to the outputs of the element-wise steps.
         These outputs, one for each column of the table, are called positions.
     """
 
     elementwise: Steps
-    linear: Steps
+    linear: bool
     matrix: Array
 
     def positions(self, table: Array) -> Array:
         """Apply the element-wise steps, shape (n_recordings, n_columns)."""
-        for _, step in self.elementwise:
-            table = apply_step(step, table)
-        return table
-
-    def features(self, positions: Array) -> Array:
-        """Apply the linear steps, shape (n_recordings, n_features)."""
-        for _, step in self.linear:
-            positions = apply_step(step, positions)
-        return positions
+        return apply_steps(self.elementwise, table)
 
 
 @dataclass(frozen=True)
@@ -233,8 +227,8 @@ class OpenedPipeline:
         """Return recordings after each kind of steps."""
         values, bins, scales = self.table(X)
         trace = trace_features(self.steps, values)
-        positions = trace.positions(values)
-        return TracedRecordings(values, bins, scales, trace, positions, trace.features(positions))
+        features = apply_steps(self.steps, values)
+        return TracedRecordings(values, bins, scales, trace, trace.positions(values), features)
 
 
 @dataclass(frozen=True)
@@ -347,22 +341,27 @@ def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTra
     """
     row = np.asarray(table, dtype=np.float64)[:1]
     elementwise: list[tuple[str, Any]] = []
-    linear: list[tuple[str, Any]] = []
     matrix = np.eye(row.shape[1])
-    for name, step in steps:
+    for number, (name, step) in enumerate(steps):
         after = apply_step(step, row)
         if not np.isfinite(after).all():
             raise ValueError(
                 f"step {name!r} ({type(step).__name__}) gives a value that is not finite, such as "
                 f"the logarithm of a channel without power. Check the channels of the recording."
             )
-        if not linear and _is_elementwise(step, row):
+        if len(elementwise) == number and _is_elementwise(step, row):
             elementwise.append((name, step))
         else:
             matrix = _linear_part(name, step, row) @ matrix
-            linear.append((name, step))
         row = after
-    return FeatureTrace(tuple(elementwise), tuple(linear), matrix)
+    return FeatureTrace(tuple(elementwise), len(elementwise) < len(steps), matrix)
+
+
+def apply_steps(steps: Sequence[tuple[str, Any]], values: Array) -> Array:
+    """Transform an array by several steps."""
+    for _, step in steps:
+        values = apply_step(step, values)
+    return values
 
 
 def apply_step(step: Any, values: Array) -> Array:

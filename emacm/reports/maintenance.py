@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from hashlib import sha256
@@ -24,7 +24,7 @@ from emacm.recordings.inputs import as_list
 from emacm.recordings.meta import read_meta
 from emacm.recordings.names import printable
 from emacm.reports.facts import decisions_of, healthy_label, model_facts, when
-from emacm.reports.pages import URGENCIES, Page, Settings, page_of
+from emacm.reports.pages import URGENCIES, Further, Page, Settings, Source, page_of
 from emacm.reports.pictures import drawn
 from emacm.reports.written_pages import encoded_svg, templates, written_page
 
@@ -161,10 +161,7 @@ class Reports:
             target.mkdir(parents=True, exist_ok=True)
 
     def pages(
-        self,
-        sources: Sequence[Callable[[], Any]],
-        names: Sequence[str],
-        facts: Callable[[Any], dict[str, Any]] | None = None,
+        self, sources: Sequence[Source], names: Sequence[str], facts: Further = None
     ) -> list[Page]:
         """Return the pages of recordings that functions open, as `page_of` does."""
         pairs = zip(sources, names, strict=True)

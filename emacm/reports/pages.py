@@ -44,22 +44,8 @@ from emacm.reports.facts import (
 )
 from emacm.reports.raised import LEAST, SIGMAS, Findings, Row, Spectra, find_raised
 
-
-def order_spectra(model: Any, recording: Recording) -> Spectra:
-    """Return the spectra that the first `OrderPSD` of a fitted model computes of a recording.
-
-    Returns
-    -------
-    dict of str to (orders, power)
-        For each channel [U²/order, or U²]; empty if the model computes no order spectra.
-    """
-    for part, X in parts_with_input(model, [recording], OrderPSD):
-        power = np.asarray(part.transform(X))[0]
-        blocks = parse_order_columns(list(part.get_feature_names_out())) or ()
-        return {block.channel: (block.orders, power[block.columns]) for block in blocks}
-    return {}
-
-
+Source = Callable[[], Any]  # of a recording
+Further = Callable[[Any], dict[str, Any]] | None  # values of a recording for its row
 _AS_A_LIST = re.compile(r"^recording 0( \([^)]*\))?: ")  # how messages name the only recording
 
 
@@ -125,7 +111,7 @@ class Page:
     recording, model_facts : list of (str, str)
         Facts.
     spectra : mapping of channels to (orders, power)
-        Order spectra, to be drawn.
+        Order spectra of the first `OrderPSD` of the model [U²/order, or U²], to be drawn.
     deviations : DataFrame, optional
         What is drawn.
     findings : Findings, optional
@@ -192,12 +178,7 @@ class Page:
         return "Outside the range of the training"
 
 
-def page_of(
-    settings: Settings,
-    source: Callable[[], Any],
-    name: str,
-    facts: Callable[[Any], dict[str, Any]] | None = None,
-) -> Page:
+def page_of(settings: Settings, source: Source, name: str, facts: Further = None) -> Page:
     """Return the page of a recording that a function opens; an error is its content.
 
     Parameters
@@ -353,7 +334,10 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, other: A
         parts = known[0] if known else None
     page.parts = parts
     reference = settings.healthy if settings.healthy is not None else other
-    page.spectra = order_spectra(model, recording)
+    for part, X in list(parts_with_input(model, [recording], OrderPSD))[:1]:
+        power = np.asarray(part.transform(X))[0]
+        blocks = parse_order_columns(list(part.get_feature_names_out())) or ()
+        page.spectra = {block.channel: (block.orders, power[block.columns]) for block in blocks}
     background = settings.background
     try:
         explained = explain_decision(model, recording, background=background)

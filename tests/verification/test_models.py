@@ -86,7 +86,7 @@ def test_the_map_has_a_bar_for_each_recording_in_revolutions_per_minute():
     points = {"state": ["worn", "healthy"], "slowest": [10.0, 20.0], "fastest": [20.0, 50.0]}
     table = pd.DataFrame(points | {"load": [20, 40]})
     display = DomainDisplay(table).plot()
-    ends = np.vstack([bars.get_segments()[0] for bars in display.ax_.collections])
+    ends = np.vstack([line.get_xydata() for line in display.ax_.lines])
     np.testing.assert_allclose(ends[:, 0] * np.pi / 30, [20, 50, 10, 20])
     assert ends[0, 1] > ends[2, 1]
     assert display.ax_.get_ylabel() == "load"
