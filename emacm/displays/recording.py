@@ -22,8 +22,6 @@ from emacm.resampling.order_resampler import OrderResampler
 # Direction of a stroke: label, grey and hatch of its background.
 _STROKES = {1: ("forward stroke", "0.93", ""), -1: ("reverse stroke", "0.85", "....")}
 
-Line = tuple[NDArray[np.floating], NDArray[np.floating]]  # times and values, equally long
-
 
 @dataclass(eq=False, repr=False)
 class RecordingDisplay(Display):
@@ -112,33 +110,26 @@ class RecordingDisplay(Display):
         strokes = [(start + s.start / fs, start + (s.stop - 1) / fs, s.direction) for s in found]
         return cls(part, start=start, units=units, strokes=strokes).plot(ax=ax)
 
-    def _lines(self) -> dict[str, Line]:
-        """Return the times and values of each channel, and of the shaft speed."""
-        part = self.recording
-        rates = {**part.fs, "shaft speed": part.shaft_fs}
-        sampled = {**part.signals, "shaft speed": part.velocity}
-        return {
-            name: (self.start + np.arange(len(values)) / rates[name], values)
-            for name, values in sampled.items()
-        }
-
     def frame(self) -> pd.DataFrame:
         """Return a column ``value``, indexed by channel (or "shaft speed") and time [s]."""
-        tables = {
-            name: pd.DataFrame({"value": values}, index=pd.Index(times, name="time"))
-            for name, (times, values) in self._lines().items()
-        }
-        return pd.concat(tables, names=["quantity"])
+        part = self.recording
+        rates = {**part.fs, "shaft speed": part.shaft_fs}
+        lines = {}
+        for name, values in {**part.signals, "shaft speed": part.velocity}.items():
+            times = pd.Index(self.start + np.arange(len(values)) / rates[name], name="time")
+            lines[name] = pd.DataFrame({"value": values}, times)
+        return pd.concat(lines, names=["quantity"])
 
     def _draw(self, ax: Any) -> Any:
-        lines = self._lines()
+        lines = dict(iter(self.frame()["value"].groupby(level="quantity", sort=False)))
         axes = _drawing.panel_axes(ax, len(lines), height=1.3)
         units = self.recording.units if self.units is None else self.units
         envelopes = _tables.envelopes_in(self.recording)
         for panel, (name, line) in zip(axes, lines.items(), strict=True):
             self._shade_strokes(panel)
-            panel.plot(*line, color=_drawing.PLAIN, linewidth=0.8)
-            panel.set_xlim(self.start, max(times[-1] for times, _ in lines.values()))
+            line = line.droplevel("quantity")
+            panel.plot(line.index, line, color=_drawing.PLAIN, linewidth=0.8)
+            panel.set_xlim(self.start, max(own.index[-1][1] for own in lines.values()))
             _drawing.label_y(panel, *_tables.quantity_of("", name, units, envelopes))
         axes[-1].axhline(0, color="0.4", linewidth=0.6)
         _drawing.label_y(axes[-1], "shaft speed", "rad/s")

@@ -25,7 +25,7 @@ from emacm.models.evidence import evidence_table, training_evidence
 from emacm.models.model_files import load_model, model_description
 from emacm.recordings.meta import read_meta
 from emacm.reports.written_pages import plain_page
-from emacm.verification import decisions, monitoring, signals
+from emacm.verification import decisions, signals
 
 Check = Callable[[], dict[str, float]]
 Row = tuple[str, float, float, float]
@@ -131,7 +131,7 @@ def checks() -> dict[str, Check]:
     """Return the functions that compute the values, by name."""
     return {
         name: check
-        for module in (signals, decisions, monitoring)
+        for module in (signals, decisions)
         for name, check in getmembers(module, isfunction)
         if check.__module__ == module.__name__ and not name.startswith("_")
     }
