@@ -72,13 +72,13 @@ def bin_panels(ax: Any, panels: Sequence[Sequence[BinBlock]]) -> NDArray[np.obje
         if has_order_axis(block):
             panel.set_xlim(edges.min(), edges.max())
         else:
-            _name_bins(panel, block.names)
+            name_bins(panel, block.names)
     named = "order bin" if any(block.bands is None for block in blocks) else f"bin, {ORDER_LABEL}"
     label_x(axes, ORDER_LABEL if len(over_order) == len(blocks) else named)
     return axes
 
 
-def _name_bins(panel: Any, names: Sequence[str]) -> None:
+def name_bins(panel: Any, names: Sequence[str]) -> None:
     """Write names below their bins; upright where the panel is too narrow."""
     panel.set_xlim(-0.6, len(names) - 0.4)
     step = 1 + len(names) // 40

@@ -50,12 +50,6 @@ class DomainDisplay(Display):
     healthy: Any = field(default=_drawing.HEALTHY, kw_only=True)
 
     def __post_init__(self) -> None:
-        missing = {"state", "slowest", "fastest", self.condition or "state"} - {*self.points}
-        if missing:
-            raise ValueError(
-                f"points has no column {sorted(missing)}, got {list(self.points)}. Compute them "
-                f"by DomainDisplay.from_recordings."
-            )
         conditions = self.points.drop(columns=["state", "slowest", "fastest"])
         varying = [name for name in conditions if conditions[name].nunique() > 1]
         self.condition = self.condition or next(iter(varying), None)

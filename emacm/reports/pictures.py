@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from emacm.displays import _drawing
+from emacm.displays._bars import name_bins
 from emacm.displays.power import OrderSpectrumDisplay
 from emacm.machine.fault_orders import fault_series
 from emacm.reports.facts import channel_name
@@ -106,24 +107,22 @@ def _predicted(page: Page, top: float, most: int = 12) -> pd.DataFrame:
 
 
 def _draw_bars(reference: str, bars: pd.DataFrame, ax: Any) -> None:
-    """Draw a bar for each order band, or a horizontal one for each named feature."""
-    unit = bars["unit"].iloc[0]
+    """Draw a bar for each order band, or for each named feature."""
+    unit, centre, width = bars["unit"].iloc[0], np.arange(len(bars)), np.full(len(bars), 0.8)
+    named = bars["low"].isna().any()
+    if not named:
+        centre = (bars["low"] + bars["high"]).to_numpy() / 2
+        width = (bars["high"] - bars["low"]).to_numpy()
+        step = np.median(np.diff(bars["low"])) if len(bars) > 1 else 1.0
+        width = np.where(width > 0, width, step)  # spectral lines have no width
     colours = [_drawing.COLOURS[1] if raised else "0.6" for raised in bars["raised"]]
-    if bars["low"].isna().any():  # the largest on top
-        labels = [str(column).rpartition("__")[2] for column in bars["column"][::-1]]
-        ax.barh(range(len(bars)), bars["deviation"][::-1], color=colours[::-1], height=0.7)
-        ax.set_yticks(range(len(bars)), labels, fontsize=_drawing.SMALL)
-        ax.axvline(0, color="black", linewidth=0.6)
-        ax.set_xlabel(f"deviation from {reference} [{unit}]")
-        return
-    width = (bars["high"] - bars["low"]).to_numpy()
-    step = np.median(np.diff(bars["low"])) if len(bars) > 1 else 1.0
-    width = np.where(width > 0, width, step)  # spectral lines have no width
-    centre = (bars["low"] + bars["high"]).to_numpy() / 2
     look = {"color": colours, "edgecolor": "white", "linewidth": 0.3}
     ax.bar(centre, bars["deviation"], width, **look)
     ax.axhline(0, color="black", linewidth=0.6)
-    for limit in (-LEAST, LEAST):
+    for limit in (-LEAST, LEAST) if unit == "dB" else ():
         ax.axhline(limit, color="0.4", linewidth=0.7, linestyle=":")
-    ax.set_xlim(0, float((centre + width / 2).max()))
-    ax.set(xlabel=_drawing.ORDER_LABEL, ylabel=f"deviation [{unit}]")
+    if named:
+        name_bins(ax, [str(column).rpartition("__")[2] for column in bars["column"]])
+    else:
+        ax.set(xlabel=_drawing.ORDER_LABEL, xlim=(0, float((centre + width / 2).max())))
+    _drawing.label_y(ax, f"deviation from {reference}", unit)

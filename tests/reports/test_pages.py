@@ -266,7 +266,7 @@ def test_an_envelope_is_named_as_such():
     figure, _ = drawn(found)
     label = figure.axes[0].get_ylabel().replace("\n", " ")
     assert label.startswith("squared envelope order spectrum of ")
-    assert figure.axes[1].get_yticklabels()[-1].get_text().endswith("@line")
+    assert figure.axes[1].get_xticklabels()[0].get_text().endswith("@line")
 
 
 def test_a_model_without_densities_states_why_no_orders_are_given():

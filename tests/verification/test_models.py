@@ -90,5 +90,5 @@ def test_the_map_has_a_bar_for_each_recording_in_revolutions_per_minute():
     np.testing.assert_allclose(ends[:, 0] * np.pi / 30, [20, 50, 10, 20])
     assert ends[0, 1] > ends[2, 1]
     assert display.ax_.get_ylabel() == "load"
-    with pytest.raises(ValueError, match=r"points .*torque"):
-        DomainDisplay(table, condition="torque")
+    with pytest.raises(KeyError, match="torque"):
+        DomainDisplay(table, condition="torque").plot()
