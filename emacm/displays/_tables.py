@@ -174,8 +174,9 @@ def quantity_of(
     """
     base = channel.rstrip("+-")
     kind = envelopes.get(channel, envelopes.get(base))
-    unit = units
-    if not isinstance(units, str):
+    if isinstance(units, str):
+        unit = units
+    else:
         first = [name for name in units if kind is not None and channel.startswith(name)]
         unit = units.get(channel) or units.get(max(first, key=len, default=base), "unit")
     if kind is not None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import fitted_resamplers, parts_of, search_estimator
@@ -200,8 +201,9 @@ def page_of(settings: Settings, source: Source, name: str, facts: Further = None
     (row,) = scored_rows(settings.model, [source], [name], facts=facts)
     if row["error"]:
         reason = _AS_A_LIST.sub("", row["error"])
-        facts_of_file = {"recording": [("File", name)], "model_facts": settings.facts}
-        return Page(name, "no decision", "error", [reason], True, row=row, **facts_of_file)
+        page = Page(name, "no decision", "error", [reason], True, model_facts=settings.facts)
+        page.row, page.recording = row, [("File", name)]
+        return page
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # what they say is on the page
         recording = source()
@@ -239,21 +241,12 @@ def _add_decision(
         The most probable known state that was not decided; None if there is none.
     """
     classifier, table = opened_classifier(settings.model, [recording])
-    probabilities, states = classifier.predict_proba(table), classifier.classes_.tolist()
-    names, decisions, cost, unknown = states, states, 1 - np.eye(len(states)), None
-    if isinstance(classifier, LeastRiskMixin):
-        probabilities = classifier.truth_proba(table, probabilities)
-        names, decisions = classifier.truths_.tolist(), classifier.decisions_.tolist()
-        cost, unknown = classifier.cost_, classifier.unknown
-    truths, decision = probabilities[0], page.row["decision"]
-    # A decision that is cheapest for several states, as a family is, stands for all of them.
-    covered = cost[decisions.index(decision)] <= cost.min(axis=0)
-    own = np.array([name == decision or name not in decisions for name in names])
-    own &= covered | [name == decision for name in names]
+    names, truths, own = _truths(classifier, table, page.row["decision"])
+    decision, unknown = page.row["decision"], getattr(classifier, "unknown", None)
     others = [k for k in np.argsort(-truths, kind="stable") if not own[k]]
     probability = float(truths[own].sum())
     if decision == unknown:
-        page.kind = "unknown"
+        page.kind, states = "unknown", classifier.classes_.tolist()
         page.sentences.append(
             f"The recording is unlike all states that the model knows ({listed(states)}); the "
             f"probability of an unknown state is {percent(probability)}. What it is must be found "
@@ -285,6 +278,25 @@ def _add_decision(
             page.sentences.append(f"There are {second_state_statement(decision, second)}.")
     known = [names[k] for k in others if names[k] not in (decision, unknown)]
     return known[0] if known else None
+
+
+def _truths(
+    classifier: Any, table: Any, decision: Any
+) -> tuple[list[Any], NDArray[np.floating], NDArray[np.bool_]]:
+    """Return the true states, their probabilities, and for which of them a decision stands."""
+    names = decisions = classifier.classes_.tolist()
+    probabilities, cost = classifier.predict_proba(table), 1 - np.eye(len(names))
+    if isinstance(classifier, LeastRiskMixin):
+        probabilities = classifier.truth_proba(table, probabilities)
+        names, decisions = classifier.truths_.tolist(), classifier.decisions_.tolist()
+        cost = classifier.cost_
+    # A decision that is cheapest for several states, as a family is, stands for all of them.
+    covered = cost[decisions.index(decision)] <= cost.min(axis=0)
+    own = [
+        name == decision or (covers and name not in decisions)
+        for name, covers in zip(names, covered, strict=True)
+    ]
+    return names, probabilities[0], np.array(own)
 
 
 def _add_typicality(page: Page) -> None:

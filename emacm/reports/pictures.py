@@ -85,10 +85,16 @@ def _draw_spectrum(page: Page, channel: str, ax: Any) -> None:
         label = f"mean of {page.reference}"
         ax.hlines(density, own["low"], own["high"], label=label if len(own) else None, **style)
     orders, power = page.spectra[channel]
-    marks = {"fault_orders": _predicted(page, float(orders[-1])), "slip": SLIP}
-    units = {"unit": page.units, "envelopes": page.envelopes}
-    spectra = {"this recording": power}
-    OrderSpectrumDisplay(orders, spectra, channel=channel, **units, **marks).plot(ax=ax)
+    display = OrderSpectrumDisplay(
+        orders,
+        {"this recording": power},
+        channel=channel,
+        unit=page.units,
+        envelopes=page.envelopes,
+        fault_orders=_predicted(page, float(orders[-1])),
+        slip=SLIP,
+    )
+    display.plot(ax=ax)
 
 
 def _predicted(page: Page, top: float, most: int = 12) -> pd.DataFrame:
