@@ -112,7 +112,10 @@ def find_raised(
     known = list(filter(None, [_component(*place, table, spectra or {}) for place in places]))
     hit = [component for component in known if component.is_raised]
     hit.sort(key=lambda component: -component.lines["deviation"].mean())
-    rows = [*common, *(component.row for component in hit), *_other_rows(table, hit, bool(series))]
+    # Beside a raised component, a raised column of another fault may be a line of the first one.
+    few = [c for c in known if hit and not c.is_raised and c.lines["low"].isna().all()]
+    rest = table.drop(index=[column for c in few for column in c.lines.index])
+    rows = [*common, *(component.row for component in hit), *_other_rows(rest, hit, bool(series))]
     names = list(dict.fromkeys(component.fault.name for component in hit))
     covered = {component.fault.name for component in known}
     missing = [_label(fault) for fault in series if fault.name not in covered]
@@ -128,6 +131,9 @@ def find_raised(
         if one.fault != other.fault and set(one.lines.index) == set(other.lines.index):
             both = listed([_label(one.fault), _label(other.fault)])
             notes.append(f"The order bins of the model do not separate {both}.")
+    single = list(dict.fromkeys(_label(c.fault) for c in few if c.lines["raised"].any()))
+    if single:
+        notes.append(f"Of {listed(single)}, single lines are raised: too few for a fault.")
     if missing:
         notes.append(f"The model has no order bands at the orders of {listed(missing)}.")
     if len(rows) > most:
