@@ -23,7 +23,7 @@ from .evaluation.miss_rate import miss_rate_limit as miss_rate_limit
 from .evaluation.novelty import evaluate_unknown as evaluate_unknown
 from .explanations.explain import explain_decision as explain_decision
 from .explanations.explain import explain_model as explain_model
-from .explanations.fault_matches import match_fault_orders as match_fault_orders
+from .explanations.explain import match_fault_orders as match_fault_orders
 from .files.folder import RecordingFolder as RecordingFolder
 from .files.folder import open_recording as open_recording
 from .files.layout import Layout as Layout

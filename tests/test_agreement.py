@@ -96,7 +96,8 @@ def test_the_picture_of_outcomes_and_evaluate_count_the_same_decisions_as_correc
     cost = family_costs(FAMILIES, other_decisions={"inspect": 0.1})
     model = CostSensitiveGaussianBayes(cost).fit(X, Y)
     decided = model.predict(LATER)
-    display = OutcomesDisplay.from_predictions(Y_LATER, decided, healthy="fly", families=FAMILIES)
+    truths = as_families(Y_LATER, FAMILIES)
+    display = OutcomesDisplay.from_predictions(truths, decided, healthy="fly")
     row, _ = answers_of_evaluate(model, families=FAMILIES)
     assert "inspect" in decided
     assert display.frame()["correct"].iloc[0] == pytest.approx(100 * model.score(LATER, Y_LATER))
@@ -125,19 +126,12 @@ FORMS = {
 
 
 def readings(families):
-    """How four functions read families: the family of each of Y_LATER; or the error."""
+    """How three functions read families: the family of each of Y_LATER; or the error."""
     truths = np.array(Y_LATER)
 
     def by_cost():
         cost = family_costs(families)
         return [cost.index[cost[label] == 0].tolist() for label in truths]
-
-    def by_picture():
-        decided = [BY_STATE[label] for label in truths]
-        display = OutcomesDisplay.from_predictions(
-            truths, decided, healthy="fly", families=families, conditions=np.arange(len(truths))
-        )
-        return display.frame()["correct"].tolist()
 
     def by_evaluation():
         model = CostSensitiveGaussianBayes()
@@ -147,7 +141,7 @@ def readings(families):
         return as_families(truths, families).tolist()
 
     found = []
-    for reading in (by_cost, by_picture, by_evaluation, by_labels):
+    for reading in (by_cost, by_evaluation, by_labels):
         try:
             found.append(reading())
         except (TypeError, ValueError) as error:
@@ -158,9 +152,8 @@ def readings(families):
 @pytest.mark.parametrize("form", FORMS)
 def test_every_form_of_families_is_read_alike_by_all(form):
     expected = [BY_STATE[label] for label in Y_LATER]
-    by_cost, by_picture, by_evaluation, by_labels = readings(FORMS[form])
+    by_cost, by_evaluation, by_labels = readings(FORMS[form])
     assert by_cost == [[family] for family in expected]
-    assert by_picture == [100.0] * len(expected)
     assert by_evaluation == expected
     assert by_labels == expected
 

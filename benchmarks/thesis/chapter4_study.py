@@ -17,8 +17,7 @@ from sklearn.preprocessing import StandardScaler
 from chapter4_spectra import CROSS, READINGS, REVOLUTIONS, SIGNALS, Campaign, Signal
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.posterior_product import PosteriorProduct
-from emacm.explanations.explain import explain_model
-from emacm.explanations.fault_matches import match_fault_orders
+from emacm.explanations.explain import explain_model, match_fault_orders
 from emacm.machine.fault_orders import fault_orders
 from emacm.machine.motors import Motor
 from emacm.orders.columns import parse_order_columns

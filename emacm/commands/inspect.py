@@ -398,7 +398,6 @@ def plot(contents: Contents, path: Path, most_panels: int = 12) -> None:
         If matplotlib is not installed.
     """
     from emacm.displays import _drawing
-    from emacm.displays.recording import extremes
 
     drawn = [column for column in contents.numbers.items() if column[0] != contents.times]
     drawn = drawn[:most_panels]
@@ -406,8 +405,7 @@ def plot(contents: Contents, path: Path, most_panels: int = 12) -> None:
     timed = all(name in contents.rates for name, _ in drawn)
     for panel, (name, values) in zip(axes, drawn, strict=True):
         rate = contents.rates[name] if timed else 1.0
-        numbers, shown = extremes(np.arange(len(values)) / rate, values)
-        panel.plot(numbers, shown, color=_drawing.PLAIN, linewidth=0.8)
+        panel.plot(np.arange(len(values)) / rate, values, color=_drawing.PLAIN, linewidth=0.8)
         panel.set_xlim(0, max(len(values) - 1, 1) / rate)
         _drawing.label_y(panel, name, contents.columns.units.get(name, "unit"))
     _drawing.label_x(axes, "time [s]" if timed else "sample")

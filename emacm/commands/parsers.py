@@ -342,8 +342,7 @@ def _run_verify(options: argparse.Namespace) -> int:
     from emacm.files.layout import Layout
     from emacm.models.model_files import model_description
     from emacm.reports.written_pages import written_record
-    from emacm.verification.models import verify_model
-    from emacm.verification.record import verify
+    from emacm.verification.record import verify, verify_model
 
     if options.model is None:
         found = verify()

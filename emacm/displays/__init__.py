@@ -25,16 +25,17 @@ legends.
 """
 
 from emacm.displays.bearings import FaultLinesDisplay, KurtogramDisplay
-from emacm.displays.components import ExplainedVarianceDisplay, LoadingsDisplay
-from emacm.displays.contributions import ContributionsDisplay
+from emacm.displays.components import (
+    ContributionsDisplay,
+    ExplainedVarianceDisplay,
+    LoadingsDisplay,
+)
 from emacm.displays.domain import DomainDisplay
-from emacm.displays.evaluation import EvaluationDisplay, UnknownRocDisplay
+from emacm.displays.evaluation import EvaluationDisplay, OutcomesDisplay, UnknownRocDisplay
 from emacm.displays.monitoring import AlarmDisplay, RemainingLifeDisplay, TrendDisplay
-from emacm.displays.order_map import OrderMapDisplay
-from emacm.displays.outcomes import OutcomesDisplay
 from emacm.displays.planes import DecisionRegionsDisplay, FeatureDensityDisplay
 from emacm.displays.power import OrderBinsDisplay, OrderSpectrumDisplay
-from emacm.displays.recording import RecordingDisplay
+from emacm.displays.recording import OrderMapDisplay, RecordingDisplay
 
 __all__ = [
     "AlarmDisplay",

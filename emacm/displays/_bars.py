@@ -72,13 +72,13 @@ def bin_panels(ax: Any, panels: Sequence[Sequence[BinBlock]]) -> NDArray[np.obje
         if has_order_axis(block):
             panel.set_xlim(edges.min(), edges.max())
         else:
-            _name_bins(panel, block.names)
+            name_bins(panel, block.names)
     named = "order bin" if any(block.bands is None for block in blocks) else f"bin, {ORDER_LABEL}"
     label_x(axes, ORDER_LABEL if len(over_order) == len(blocks) else named)
     return axes
 
 
-def _name_bins(panel: Any, names: Sequence[str]) -> None:
+def name_bins(panel: Any, names: Sequence[str]) -> None:
     """Write names below their bins; upright where the panel is too narrow."""
     panel.set_xlim(-0.6, len(names) - 0.4)
     step = 1 + len(names) // 40
@@ -104,12 +104,9 @@ def draw_steps(
     ax.plot(x, y, label=wrapped(label), **style)
 
 
-def draw_bars(
-    ax: Any, places: NDArray[Any], values: NDArray[Any], *, bottom: float = 0.0, **style: Any
-) -> None:
-    """Draw a bar from `bottom` to each value, between the edges of its bin."""
-    widths = places[:, 1] - places[:, 0]
-    ax.bar(places[:, 0], values - bottom, widths, bottom=bottom, align="edge", **style)
+def draw_bars(ax: Any, places: NDArray[Any], values: NDArray[Any], **style: Any) -> None:
+    """Draw a bar to each value, between the edges of its bin."""
+    ax.bar(places[:, 0], values, places[:, 1] - places[:, 0], align="edge", **style)
 
 
 def draw_stop_bands(ax: Any, stop_bands: Sequence[Band]) -> None:

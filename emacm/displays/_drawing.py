@@ -56,9 +56,9 @@ def colour_of(number: int) -> str:
 def style_of(kinds: Sequence[Any], number: int) -> Any:
     """Return the line style, marker or hatch of a state.
 
-    Where the colours repeat, the kinds are shifted by one, so that 57 states all differ.
+    There are 8 kinds and 7 colours beside that of healthy, so that 57 states all differ.
     """
-    return kinds[(number + (number - 1) // (len(COLOURS) - 1) * 2) % len(kinds) if number else 0]
+    return kinds[number % len(kinds)]
 
 
 def line_style(number: int) -> dict[str, Any]:
@@ -201,7 +201,6 @@ def legend_above(ax: Any, gap: float = 0.0, **options: Any) -> None:
 def _above(ax: Any, gap: float) -> Any:
     """Return axes coordinates shifted up by `gap` [points], and by a title, whenever it is set."""
     from matplotlib import rcParams
-    from matplotlib.font_manager import FontProperties
     from matplotlib.transforms import Affine2D, Affine2DBase
 
     class Above(Affine2DBase):
@@ -213,8 +212,8 @@ def _above(ax: Any, gap: float) -> Any:
 
         def get_matrix(self) -> Any:
             lines = max(len(ax.get_title(loc).splitlines()) for loc in ("left", "center", "right"))
-            size = FontProperties(size=rcParams["axes.titlesize"]).get_size_in_points()
-            shift = gap + (1.2 * size * lines + rcParams["axes.titlepad"] if lines else 0)
+            height = 1.2 * ax.title.get_fontsize() * lines + rcParams["axes.titlepad"]
+            shift = gap + (height if lines else 0)
             up = Affine2D().translate(0, shift * ax.figure.dpi / 72)
             return (ax.transAxes + up).get_matrix()
 

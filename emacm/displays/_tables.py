@@ -11,8 +11,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.pipeline import Pipeline
+from sklearn.utils import check_consistent_length
 
 from emacm._checks import check_number
+from emacm.decisions.pipelines import parts_of
 from emacm.displays._drawing import Display, squared
 from emacm.envelopes.envelope import EnvelopeSeries
 from emacm.envelopes.envelope_detector import EnvelopeDetector, envelope_names
@@ -46,23 +48,6 @@ def check_values(
         value = array[tuple(invalid[0])]
         raise ValueError(
             f"{name} must be finite and at least {least:g}, got {value} at {invalid[0]}."
-        )
-    return array
-
-
-def check_labels(labels: ArrayLike, n_recordings: int, name: str = "labels") -> NDArray[Any]:
-    """Return one label for each recording.
-
-    Raises
-    ------
-    ValueError
-        If the number of labels differs.
-    """
-    array = np.asarray(labels)
-    if array.shape != (n_recordings,):
-        raise ValueError(
-            f"{name} must hold one label for each of {n_recordings} recordings, got shape "
-            f"{array.shape}."
         )
     return array
 
@@ -132,13 +117,13 @@ def channel_blocks(
     return [known[name] for name in wanted]
 
 
-def envelopes_of(steps: Any) -> dict[str, str]:
+def envelopes_of(estimator: Any) -> dict[str, str]:
     """Return the envelope channels that the steps of a fitted pipeline compute."""
     return {
         name: ENVELOPES[bool(step.squared)]
-        for _, step in getattr(steps, "steps", ())
+        for step in parts_of(estimator)
         if isinstance(step, EnvelopeDetector)
-        for channel, band in step.bands_.items()
+        for channel, band in getattr(step, "bands_", {}).items()
         for name in envelope_names(channel, band)
     }
 
@@ -156,20 +141,6 @@ def units_in(X: Any) -> dict[str, str]:
     """Return the units of the channels of the first recording; none for other input."""
     first = X[0] if isinstance(X, Sequence) and len(X) else None
     return dict(first.units) if isinstance(first, Recording) else {}
-
-
-def as_envelope(quantity: str, unit: str, kind: str | None) -> tuple[str, str]:
-    """Return the quantity and the unit of an envelope; those given if `kind` is None.
-
-    Examples
-    --------
-    >>> as_envelope("PSD", "m/s²", "amplitude"), as_envelope("", "V", "squared")
-    (('envelope order spectrum', 'm/s²'), ('squared envelope', 'V²'))
-    """
-    if kind is None:
-        return quantity, unit
-    words = f"envelope {'order spectrum' if quantity == 'PSD' else quantity}".rstrip()
-    return (f"squared {words}", squared(unit)) if kind == "squared" else (words, unit)
 
 
 def quantity_of(
@@ -203,13 +174,17 @@ def quantity_of(
     """
     base = channel.rstrip("+-")
     kind = envelopes.get(channel, envelopes.get(base))
-    unit = units if isinstance(units, str) else units.get(channel, "")
-    if not unit and not isinstance(units, str):
+    if isinstance(units, str):
+        unit = units
+    else:
         first = [name for name in units if kind is not None and channel.startswith(name)]
-        unit = units.get(max(first, key=len, default=base), "unit")
-    words, unit = as_envelope(quantity, unit, kind)
-    name = channel if kind is None else channel.removesuffix("_envelope")
-    return (f"{words} of {name}" if words else name), unit
+        unit = units.get(channel) or units.get(max(first, key=len, default=base), "unit")
+    if kind is not None:
+        channel = channel.removesuffix("_envelope")
+        quantity = f"envelope {'order spectrum' if quantity == 'PSD' else quantity}".rstrip()
+    if kind == "squared":
+        quantity, unit = f"squared {quantity}", squared(unit)
+    return (f"{quantity} of {channel}" if quantity else channel), unit
 
 
 def means_by_label(
@@ -223,7 +198,8 @@ def means_by_label(
         If a value is not finite, or the number of labels differs.
     """
     table = check_values(values, "the table", (None, None))
-    groups = check_labels([otherwise] * len(table) if labels is None else labels, len(table))
+    groups = np.asarray([otherwise] * len(table) if labels is None else labels)
+    check_consistent_length(table, groups)
     means = pd.DataFrame(table).groupby(groups, dropna=False).mean()
     return dict(zip(means.index.map(str), means.to_numpy(), strict=True))
 

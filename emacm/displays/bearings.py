@@ -20,6 +20,8 @@ from emacm.models.recipes import bearing_recipe
 from emacm.orders.columns import column_names, parse_order_columns
 from emacm.recordings.recording import Recording
 
+SLIP = 0.02  # largest deviation of rolling elements from the predicted orders, as a fraction
+
 Parts = Part | Mapping[str, float] | Sequence[Part | Mapping[str, float]]
 
 
@@ -38,10 +40,6 @@ class FaultLinesDisplay(Display):
         Order spectrum, for bearings that of the envelope [U²/order].
     parts : part, or sequence of parts
         `Bearing`, `Gear` and so on, or mappings of fault names to orders.
-    harmonics : int
-        Number of lines of each fault.
-    slip : float
-        Largest deviation of rolling elements from the predicted orders, as a fraction.
     faults : sequence of str, optional
         Names of the faults to mark. Default: all.
     channel : str
@@ -55,37 +53,33 @@ class FaultLinesDisplay(Display):
     Raises
     ------
     TypeError, ValueError
-        If a value is invalid, a fault is not one of the parts, or a line lies outside of the
-        orders.
+        If a fault is not one of the parts, or one of its three lines lies outside of the orders.
 
     Examples
     --------
     >>> import numpy as np
     >>> orders = np.arange(0, 10.01, 0.1)
     >>> spectrum = np.where(np.isin(orders.round(1), [2.5, 5.0]), 100.0, 1.0)
-    >>> display = FaultLinesDisplay(orders, spectrum, {"BPFO": 2.5}, harmonics=2)
-    >>> display.frame()["height"].tolist()
-    [20.0, 20.0]
+    >>> FaultLinesDisplay(orders, spectrum, {"BPFO": 2.5}).frame()["height"].tolist()
+    [20.0, 20.0, 0.0]
     """
 
     orders: Any
     spectrum: Any
     parts: Any
-    harmonics: int = field(default=3, kw_only=True)
-    slip: float = field(default=0.02, kw_only=True)
     faults: Sequence[str] | None = field(default=None, kw_only=True)
     channel: str = field(default="signal", kw_only=True)
 
     def __post_init__(self) -> None:
         self.orders, self.spectrum = np.asarray(self.orders), np.asarray(self.spectrum)
-        series = fault_series(self.parts, self.harmonics)
+        series = fault_series(self.parts, 3)
         known = [fault.name for fault in series]
         if not set(self.faults or ()) <= set(known):
             raise ValueError(
                 f"faults must be of the parts, {known}; got {list(self.faults or ())}."
             )
         self._series = [f for f in series if self.faults is None or f.name in self.faults]
-        self._levels = LineLevels(self.orders, self._series, self.slip, 0.5, without_shaft=True)
+        self._levels = LineLevels(self.orders, self._series, SLIP, 0.5, without_shaft=True)
 
     @classmethod
     def from_recording(
@@ -94,8 +88,8 @@ class FaultLinesDisplay(Display):
         parts: Parts,
         *,
         channel: str | None = None,
-        faults: Sequence[str] | None = None,
         ax: Any = None,
+        **options: Any,
     ) -> FaultLinesDisplay:
         """Compute the spectrum by `bearing_recipe`, and draw it with three lines of each fault.
 
@@ -103,12 +97,14 @@ class FaultLinesDisplay(Display):
         ----------
         recording : Recording
             Vibration as measured.
-        parts, faults
+        parts
             As for the class.
         channel : str, optional
             Default: the first one.
         ax : matplotlib Axes, optional
             Where to draw.
+        **options
+            As for the class: faults.
 
         Returns
         -------
@@ -124,8 +120,7 @@ class FaultLinesDisplay(Display):
         table = recipe[:-1].fit_transform([recording])
         (block,) = parse_order_columns(column_names(table) or ()) or ()
         spectrum = np.asarray(table)[0, block.columns]
-        display = cls(block.orders, spectrum, parts, channel=chosen, faults=faults)
-        return display.plot(ax=ax)
+        return cls(block.orders, spectrum, parts, channel=chosen, **options).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
         """Return the lines: one row per fault and harmonic.
@@ -136,7 +131,7 @@ class FaultLinesDisplay(Display):
         _, slips, heights = self._levels.measure(self.spectrum[np.newaxis])
         rows = []
         for fault, slip, lines in zip(self._series, slips[0], heights, strict=True):
-            reach = self.slip if fault.slips else 0.0
+            reach = SLIP if fault.slips else 0.0
             for number, (order, height) in enumerate(zip(fault.orders, lines[0], strict=True), 1):
                 ends = (order * (1 - reach), order * (1 + reach))
                 rows.append((fault.name, number, order, order * (1 + slip), *ends, height))
@@ -148,10 +143,11 @@ class FaultLinesDisplay(Display):
         table = self.frame()
         drawn = (self.orders > 0) & (self.orders <= table["high"].max() + 0.5)
         background = self._levels.background(self.spectrum[np.newaxis])[0]
-        style = {"linewidth": 0.9, "color": "0.35", "label": "order spectrum"}
-        ax.plot(self.orders[drawn], _drawing.decibels(self.spectrum[drawn]), **style)
-        style = {"linewidth": 1.4, "color": "black", "linestyle": "--", "label": "local background"}
-        ax.plot(self.orders[drawn], _drawing.decibels(background[drawn]), **style)
+        for power, look, label in (
+            (self.spectrum, {"linewidth": 0.9, "color": "0.35"}, "order spectrum"),
+            (background, {"linewidth": 1.4, "color": "0", "linestyle": "--"}, "local background"),
+        ):
+            ax.plot(self.orders[drawn], _drawing.decibels(power[drawn]), label=label, **look)
         step = self.orders[1] - self.orders[0]
         for number, fault in enumerate(self._series, 1):
             lines = table.loc[fault.name]

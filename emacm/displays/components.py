@@ -1,4 +1,4 @@
-"""Principal component analysis: explained variance, and weights of the order bins."""
+"""What order bins matter for: principal components, and contributions to a decision."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import pandas as pd
 from emacm.displays import _bars, _drawing, _tables
 from emacm.displays._bars import bar_style
 from emacm.displays._drawing import Display
+from emacm.displays._tables import OrderDisplay
 from emacm.orders.columns import BinBlock
 
 
@@ -46,7 +47,7 @@ class ExplainedVarianceDisplay(Display):
 
     @classmethod
     def from_estimator(
-        cls, estimator: Any, *, n_shown: int = 20, ax: Any = None
+        cls, estimator: Any, *, ax: Any = None, **options: Any
     ) -> ExplainedVarianceDisplay:
         """Draw the shares of a fitted principal component analysis.
 
@@ -54,10 +55,10 @@ class ExplainedVarianceDisplay(Display):
         ----------
         estimator : PCA, or Pipeline with such a step
             Fitted; anything with `explained_variance_ratio_`.
-        n_shown : int
-            Highest number of components to draw.
         ax : matplotlib Axes, optional
             Where to draw.
+        **options
+            As for the class: n_shown.
 
         Returns
         -------
@@ -68,10 +69,8 @@ class ExplainedVarianceDisplay(Display):
         ValueError
             If there is no such step.
         """
-        step, _ = _tables.pipeline_until(
-            estimator, lambda s: hasattr(s, "explained_variance_ratio_"), "a fitted PCA"
-        )
-        return cls(step.explained_variance_ratio_, n_shown=n_shown).plot(ax=ax)
+        step, _ = _components_of(estimator)
+        return cls(step.explained_variance_ratio_, **options).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
         """Return the shares and their cumulative sum, one row per component."""
@@ -92,11 +91,18 @@ class ExplainedVarianceDisplay(Display):
         return ax
 
 
+def _components_of(estimator: Any) -> tuple[Any, Any]:
+    """Return a fitted principal component analysis, and the steps before it."""
+    return _tables.pipeline_until(
+        estimator, lambda s: hasattr(s, "explained_variance_ratio_"), "a fitted PCA"
+    )
+
+
 @dataclass(eq=False, repr=False)
 class LoadingsDisplay(Display):
     """Weight of each order bin in the principal components, one panel for each component.
 
-    One channel is drawn as bars, several as one stepped line each.
+    Each channel is a stepped line.
 
     Parameters
     ----------
@@ -166,9 +172,7 @@ class LoadingsDisplay(Display):
         ValueError
             If there is no such step, or names are not known.
         """
-        step, before = _tables.pipeline_until(
-            estimator, lambda s: hasattr(s, "explained_variance_ratio_"), "a fitted PCA"
-        )
+        step, before = _components_of(estimator)
         shares = 100 * step.explained_variance_ratio_[:n_components]
         titles = [f"component {i} ({share:.3g} %)" for i, share in enumerate(shares, 1)]
         names = getattr(step, "feature_names_in_", None)
@@ -189,10 +193,7 @@ class LoadingsDisplay(Display):
             panel.axhline(0, color="0.3", linewidth=0.6)
             for number, block in enumerate(blocks, 1):
                 places, own = _bars.bin_places(block), weights[block.columns]
-                if len(blocks) == 1:
-                    _bars.draw_bars(panel, places, own, **bar_style(_drawing.PLAIN))
-                else:
-                    _bars.draw_steps(panel, places, own, block.channel, number)
+                _bars.draw_steps(panel, places, own, block.channel, number)
             unbroken = title.replace(" ", "\u00a0")
             _drawing.label_y(panel, f"weight in {unbroken}", "1")
         _drawing.legend_above(axes[0])
@@ -203,3 +204,109 @@ def _joined(blocks: Sequence[BinBlock]) -> BinBlock:
     """Return the bins of several channels as one row of named bins."""
     names = [f"{block.channel}@{name}" for block in blocks for name in block.names]
     return BinBlock("", tuple(names), None, np.concatenate([block.columns for block in blocks]))
+
+
+@dataclass(eq=False, repr=False)
+class ContributionsDisplay(OrderDisplay):
+    """Contribution of each order bin to a decision, one panel for each channel.
+
+    Parameters
+    ----------
+    columns : sequence of str
+        Names ``channel@low-high`` or ``channel@name``, as written by `BinTransformer`.
+    contributions : array-like of shape (n_columns,)
+        Contribution of each bin, signed: positive values are evidence for the decision.
+    fault_orders : DataFrame of `emacm.fault_orders`, or mapping of str to float, optional
+        Predicted fault orders, which are marked. Those outside of the bins are not drawn.
+    slip : float
+        Largest relative slip: a line that slips may be lower or higher by this fraction of its
+        order, and this range is shaded. In a mapping every order may slip.
+    decision : str
+        The decision that is explained.
+    unit : str
+        Unit of the contributions, such as "nats" for log odds.
+
+    Attributes
+    ----------
+    ax_ : ndarray of Axes, shape (n_channels,)
+        Set when the display is drawn.
+    figure_ : Figure
+        Figure of these Axes.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If contributions do not fit the columns or are not finite, or an option is invalid.
+
+    Examples
+    --------
+    >>> names = ["torque@0-1", "torque@3-4"]
+    >>> display = ContributionsDisplay(names, [-0.5, 2.0], fault_orders={"screw": 3.125})
+    >>> display.frame()["contribution"].to_dict()
+    {('torque', '0-1'): -0.5, ('torque', '3-4'): 2.0}
+    """
+
+    columns: InitVar[Sequence[Any]]
+    contributions: Any
+    decision: str = field(default="the decision", kw_only=True)
+    unit: str = field(default="nats", kw_only=True)
+
+    def __post_init__(self, columns: Sequence[Any]) -> None:
+        super().__post_init__()
+        self.blocks = _bars.bin_blocks(columns)
+        shape = (sum(len(block.names) for block in self.blocks),)
+        self.contributions = _tables.check_values(self.contributions, "contributions", shape)
+
+    @classmethod
+    def from_table(
+        cls, table: pd.DataFrame, *, ax: Any = None, **options: Any
+    ) -> ContributionsDisplay:
+        """Draw a table of contributions.
+
+        Parameters
+        ----------
+        table : DataFrame
+            Result of `explain_decision` or `explain_model`: one row per bin, with columns
+            "column" (its name) and "contribution".
+        ax : matplotlib Axes or sequence of Axes, optional
+            Where to draw: one Axes for each channel.
+        **options
+            As for the class: fault_orders, slip, decision, unit.
+
+        Returns
+        -------
+        ContributionsDisplay
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a value or an option is invalid.
+        """
+        return cls(table["column"], table["contribution"], **options).plot(ax=ax)
+
+    def frame(self) -> pd.DataFrame:
+        """Return the contributions, one row per channel and bin."""
+        return _bars.bin_frame(self.blocks, {"contribution": self.contributions})
+
+    def _draw(self, ax: Any) -> Any:
+        axes = _bars.bin_panels(ax, [[block] for block in self.blocks])
+        low, high = min(0, self.contributions.min()), max(0, self.contributions.max())
+        margin = 0.08 * (high - low)
+        limits = (low - margin, high + margin) if margin else (-1, 1)
+        for panel, block in zip(axes, self.blocks, strict=True):
+            values = self.contributions[block.columns]
+            for colour, hatch, word, chosen in (
+                (_drawing.COLOURS[2], "", "for", values >= 0),
+                (_drawing.COLOURS[4], "////", "against", values < 0),
+            ):
+                places, style = _bars.bin_places(block)[chosen], bar_style(colour)
+                _bars.draw_bars(panel, places, values[chosen], hatch=hatch, **style)
+                anywhere = np.any((self.contributions < 0) == (word == "against"))
+                if panel is axes[0] and anywhere:
+                    label = _drawing.wrapped(f"evidence {word} {self.decision}")
+                    panel.fill_between([], [], hatch=hatch, label=label, **style)
+            panel.axhline(0, color="black", linewidth=0.6)
+            panel.set_ylim(limits)  # equal in all channels, for comparison
+            _drawing.label_y(panel, f"contribution of {block.channel}", self.unit)
+        _drawing.legend_above(axes[0], gap=_bars.mark_panels(axes, self.blocks, self.fault_orders))
+        return axes

@@ -50,12 +50,6 @@ class DomainDisplay(Display):
     healthy: Any = field(default=_drawing.HEALTHY, kw_only=True)
 
     def __post_init__(self) -> None:
-        missing = {"state", "slowest", "fastest", self.condition or "state"} - {*self.points}
-        if missing:
-            raise ValueError(
-                f"points has no column {sorted(missing)}, got {list(self.points)}. Compute them "
-                f"by DomainDisplay.from_recordings."
-            )
         conditions = self.points.drop(columns=["state", "slowest", "fastest"])
         varying = [name for name in conditions if conditions[name].nunique() > 1]
         self.condition = self.condition or next(iter(varying), None)
@@ -100,15 +94,11 @@ class DomainDisplay(Display):
         for name, number in numbers.items():
             own = (table["state"].astype(str) == name).to_numpy()
             heights = values[own] + width * (list(numbers).index(name) - (len(numbers) - 1) / 2)
-            look = {
-                "color": _drawing.colour_of(number),
-                "linewidth": min(3.0, 12 / len(numbers)),
-                "alpha": 0.6,
-            }
-            ax.hlines(heights, table["slowest"][own], table["fastest"][own], label=name, **look)
-            mark = {"color": look["color"], "marker": _drawing.style_of(_drawing.MARKERS, number)}
-            middle = (table["slowest"] + table["fastest"])[own] / 2
-            ax.plot(middle, heights, linestyle="", markersize=min(4.0, 16 / len(numbers)), **mark)
+            ends = table.loc[own, ["slowest", "fastest"]].to_numpy().T
+            look = {"color": _drawing.colour_of(number), "alpha": 0.6, "markersize": 4}
+            look["marker"] = _drawing.style_of(_drawing.MARKERS, number)
+            look["linewidth"] = 12 / (3 + len(numbers))
+            ax.plot(ends, np.stack([heights] * 2), **look)[0].set_label(name)
         _drawing.label_axes(ax, "speed of the shaft [rpm]", self.condition or "state")
         if not self.condition:
             ax.set_yticks(width * (np.arange(len(numbers)) - (len(numbers) - 1) / 2), numbers)

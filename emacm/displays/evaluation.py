@@ -1,14 +1,18 @@
-"""Results of an evaluation: rates by hold-out scheme, confusion matrix, reliability."""
+"""Results of an evaluation: rates by hold-out scheme, confusion matrix, reliability, outcomes."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 from sklearn.metrics import roc_auc_score, roc_curve
+from sklearn.utils import check_consistent_length
 
+from emacm.decisions.truths import label_list
 from emacm.displays import _drawing
 from emacm.displays._drawing import Display
 from emacm.evaluation.novelty import UnknownEvaluation
@@ -90,15 +94,16 @@ class UnknownRocDisplay(Display):
     def _draw(self, ax: Any) -> Any:
         (ax,) = _drawing.panel_axes(ax, height=3.6)
         ax.plot([0, 100], [0, 100], color="0.6", linestyle=(0, (1, 2)), linewidth=1)
-        areas, frame = self.areas(), self.frame()
-        numbers = {name: n for n, name in enumerate(sorted(areas), 1)}  # 0 is the healthy state
+        areas = self.areas()
         is_flagged = self.table["typicality"] <= 0.01
         flagged = is_flagged.groupby([self.table["left_out"], self.table["is_unknown"]]).mean()
-        for family, curve in frame.groupby("left_out", sort=False):
-            number = numbers[str(family)]
+        for number, (family, curve) in enumerate(self.frame().groupby("left_out"), 1):
             style = _drawing.line_style(number)
             x, y = 100 * curve[["known_flagged", "unknown_flagged"]].to_numpy().T
-            label = f"{family}: AUROC {areas[str(family)]:.3f}{self._limits(family)}"
+            label = f"{family}: AUROC {areas[str(family)]:.3f}"
+            if self.intervals is not None:
+                low, high = self.intervals.loc[family, ["auroc_low", "auroc_high"]]
+                label += "" if np.isnan(low) else f" ({low:.3f} to {high:.3f})"
             ax.plot(x, y, label=label, linewidth=1.6, **style)
             marker = _drawing.style_of(_drawing.MARKERS, number)
             look = {"color": style["color"], "markeredgecolor": "black", "zorder": 3}
@@ -111,12 +116,6 @@ class UnknownRocDisplay(Display):
         _drawing.legend_above(ax, title="family left out of training")
         return ax
 
-    def _limits(self, family: Any) -> str:
-        if self.intervals is None or family not in self.intervals.index:
-            return ""
-        low, high = self.intervals.loc[family, ["auroc_low", "auroc_high"]]
-        return "" if np.isnan(low) else f" ({low:.3f} to {high:.3f})"
-
 
 # Rate: label, colour and marker.
 RATES = {
@@ -125,6 +124,7 @@ RATES = {
     "inspection_rate": ("inspections (of healthy)", "0.4", "v"),
     "missed_detection_rate": ("missed detections (of faulty)", _drawing.COLOURS[1], "^"),
 }
+_ENDS = ("", "_low", "_high")  # of a rate and its interval
 CENTRED = {"ha": "center", "va": "center", "fontsize": _drawing.SMALL}
 CURVE = ["confidence", "frequency", "low", "high", "count"]
 
@@ -171,9 +171,8 @@ class EvaluationDisplay(Display):
     ...     index=["by run"],
     ... )
     >>> confusion = pd.DataFrame([[9, 1], [1, 9]], index=["new", "worn"], columns=["new", "worn"])
-    >>> EvaluationDisplay(table, confusion).frame()
-       scheme           figure  value  low  high
-    0  by run  inspection_rate    0.2  0.1   0.3
+    >>> EvaluationDisplay(table, confusion).frame().loc["by run"].tolist()
+    [0.2, 0.1, 0.3]
     """
 
     table: pd.DataFrame
@@ -229,13 +228,8 @@ class EvaluationDisplay(Display):
         return cls(evaluation.table, confusion, curve, scheme=chosen, **options).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
-        """Return the rates: one row per scheme and rate, with its interval."""
-        rows = [
-            (scheme, rate, *row[[rate, f"{rate}_low", f"{rate}_high"]])
-            for scheme, row in self.table.iterrows()
-            for rate in self.figures
-        ]
-        return pd.DataFrame(rows, columns=["scheme", "figure", "value", "low", "high"])
+        """Return the rates with their intervals, one row per scheme."""
+        return self.table[[f"{rate}{end}" for rate in self.figures for end in _ENDS]]
 
     def _draw(self, ax: Any) -> Any:
         n_panels = 2 if self.calibration is None else 3
@@ -264,8 +258,7 @@ class EvaluationDisplay(Display):
         """Draw the rates in per cent with their intervals, the first scheme on top."""
         places = np.arange(len(self.table))
         for number, name in enumerate(self.figures):
-            columns = (name, f"{name}_low", f"{name}_high")
-            value, low, high = (100 * self.table[column].to_numpy(float) for column in columns)
+            value, low, high = (100 * self.table[name + end].to_numpy(float) for end in _ENDS)
             if np.isnan(value).all():
                 continue
             label, colour, marker = RATES[name]
@@ -328,3 +321,168 @@ def _scheme_label(name: Any, row: pd.Series) -> str:
     if not row.get("groups") or "resampled" not in row:
         return _drawing.wrapped(name)
     return f"{_drawing.wrapped(name)}\n({row['resampled']}s: {row['groups']})"
+
+
+# Colour and hatch of each outcome; the darker in print, the more serious.
+OUTCOMES = {
+    "correct": (_drawing.tint(_drawing.COLOURS[2], 0.25), ""),
+    "inspection": ("#ffffff", "...."),
+    "false alarm": (_drawing.tint(_drawing.COLOURS[4], 0.75), "////"),
+    "wrong fault": (_drawing.tint(_drawing.COLOURS[3], 0.9), "----"),
+    "missed detection": (_drawing.COLOURS[1], "xxxx"),
+}
+
+
+@dataclass(eq=False, repr=False)
+class OutcomesDisplay(Display):
+    """Outcomes of decisions in per cent, by operating condition, one panel for each signal.
+
+    Parameters
+    ----------
+    counts : DataFrame
+        Number of recordings with each outcome, or their shares. Columns are among "correct",
+        "inspection" (the decision is neither healthy nor a fault), "false alarm" (healthy, decided
+        to be faulty), "wrong fault" (faulty, decided to be another fault) and "missed detection"
+        (faulty, decided to be healthy). The index names conditions, or signals and conditions.
+
+    Attributes
+    ----------
+    ax_ : ndarray of Axes, shape (n_signals,)
+        Set when the display is drawn.
+    figure_ : Figure
+        Figure of these Axes.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a column is not an outcome, or there is no row.
+
+    Notes
+    -----
+    Source of this kind of figure: Chirico, section 4.4 (Figs. 4.65 to 4.72), where a false alarm
+    is called false positive and a missed detection false negative. A "wrong fault" needs more than
+    two classes, an "inspection" a decision that is not a class.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> counts = pd.DataFrame(
+    ...     {"correct": [17, 20], "missed detection": [3, 0]}, index=["condition 1", "condition 2"]
+    ... )
+    >>> OutcomesDisplay(counts).frame()[["correct", "missed detection", "n"]]
+                 correct  missed detection     n
+    condition 1     85.0              15.0  20.0
+    condition 2    100.0               0.0  20.0
+    """
+
+    counts: pd.DataFrame
+
+    def __post_init__(self) -> None:
+        counts = self.counts
+        if not len(counts) or not set(counts.columns) <= set(OUTCOMES):
+            raise ValueError(
+                f"counts must have columns among {list(OUTCOMES)} and at least one row; got "
+                f"{list(counts.columns)} and {len(counts)} rows."
+            )
+        self.counts = counts.reindex(columns=list(OUTCOMES), fill_value=0).astype(float)
+
+    @classmethod
+    def from_predictions(
+        cls,
+        y_true: ArrayLike,
+        y_pred: ArrayLike,
+        *,
+        healthy: Any,
+        classes: Sequence[Any] | None = None,
+        conditions: ArrayLike | None = None,
+        ax: Any = None,
+    ) -> OutcomesDisplay:
+        """Count the outcomes of decisions, and draw them.
+
+        Parameters
+        ----------
+        y_true : array-like of shape (n_recordings,)
+            True classes; of a classifier of families, those of `as_families`.
+        y_pred : array-like of shape (n_recordings,)
+            Decisions. One that is no class, such as "inspect", is an inspection.
+        healthy : str
+            The healthy class.
+        classes : sequence, optional
+            Classes that can be decided, such as ``model.classes_``. Default: those of `y_true`.
+        conditions : array-like of shape (n_recordings,), optional
+            Operating condition of each recording. Default: a single row.
+        ax : matplotlib Axes, optional
+            Where to draw.
+
+        Returns
+        -------
+        OutcomesDisplay
+
+        Raises
+        ------
+        ValueError
+            If lengths differ, `healthy` is not among the labels, or no fault is known (all
+            recordings are healthy, and `classes` are not given), so that false alarms and
+            inspections cannot be distinguished.
+        """
+        truths, decided = label_list(y_true, "y_true"), label_list(y_pred, "y_pred")
+        if conditions is None:
+            conditions = np.full(len(truths), "all recordings")
+        check_consistent_length(truths, decided, conditions)
+        states = {*truths, *label_list(() if classes is None else classes)}
+        is_correct = np.array([one == other for one, other in zip(truths, decided, strict=True)])
+        inspected = np.array([decision not in (*states, healthy) for decision in decided])
+        is_healthy, called_healthy = (
+            np.array([label == healthy for label in side]) for side in (truths, decided)
+        )
+        if not (is_healthy.any() or called_healthy.any()):
+            raise ValueError(f"healthy = {healthy!r} is neither in y_true nor in y_pred.")
+        if states == {healthy} and not called_healthy.all():
+            raise ValueError(
+                f"all recordings are {healthy!r}, so it is not known which decisions are faults. "
+                f"Give classes, such as model.classes_."
+            )
+        outcome = np.select(
+            [is_correct, inspected, is_healthy, called_healthy],
+            ["correct", "inspection", "false alarm", "missed detection"],
+            "wrong fault",
+        )
+        rows = pd.DataFrame({name: outcome == name for name in OUTCOMES}).astype(int)
+        counts = rows.groupby(np.asarray(conditions), sort=False).sum().rename_axis("condition")
+        return cls(counts).plot(ax=ax)
+
+    def frame(self) -> pd.DataFrame:
+        """Return the outcomes in per cent, one row per bar, and the sum ``n`` of its counts."""
+        sums = self.counts.sum(axis=1)
+        return self.counts.mul(100).div(sums, axis=0).assign(n=sums)
+
+    def _draw(self, ax: Any) -> Any:
+        table = self.frame()
+        panels = {"": table}
+        if table.index.nlevels == 2:
+            names = table.index.get_level_values(0).unique()
+            panels = {str(name): table.loc[name] for name in names}
+        longest = max(map(len, panels.values()))
+        axes = _drawing.panel_axes(ax, len(panels), height=0.5 + 0.34 * longest)
+        for panel, (title, part) in zip(axes, panels.items(), strict=True):
+            self._draw_panel(panel, part)
+            panel.set_title(title, fontsize=_drawing.SMALL + 2, loc="left")
+        _drawing.label_x(axes, "share of the recordings [%]")
+        _drawing.legend_above(axes[0])
+        return axes
+
+    def _draw_panel(self, panel: Any, part: pd.DataFrame) -> None:
+        from matplotlib import rc_context
+
+        heights, left = np.arange(len(part)), np.zeros(len(part))
+        for name in (name for name in OUTCOMES if self.counts[name].any()):
+            colour, hatch = OUTCOMES[name]
+            style = {"color": colour, "edgecolor": "black", "hatch": hatch, "linewidth": 0.6}
+            shares = part[name].to_numpy()
+            with rc_context({"hatch.linewidth": 0.7}):
+                panel.barh(heights, shares, 0.72, left=left, label=name, **style)
+            left = left + shares
+        names = [f"{_drawing.wrapped(name)}  (n = {n:g})" for name, n in part["n"].items()]
+        panel.set_yticks(heights, names, fontsize=_drawing.SMALL)
+        panel.set_ylim(len(part) - 0.4, -0.6)  # the first on top
+        panel.set_xlim(0, 100)

@@ -17,6 +17,8 @@ from emacm.displays._drawing import Display
 from emacm.life.life_calibration import BEFORE_ONSET, DAMAGE
 from emacm.life.remaining_life import RemainingLife
 
+_LIMIT = {"color": "0.3", "linestyle": "--", "linewidth": 1.0}
+
 
 @dataclass(eq=False, repr=False)
 class AlarmDisplay(Display):
@@ -33,7 +35,7 @@ class AlarmDisplay(Display):
     two_sided : bool
         Whether the limit also holds downwards.
     name : str
-        Name of the statistic, for the label.
+        Name of the chart, for the label.
     time_label : str
         Label of the x axis, with its unit.
 
@@ -72,7 +74,7 @@ class AlarmDisplay(Display):
         ax : matplotlib Axes, optional
             Where to draw.
         **options
-            As for the class: name, time_label.
+            As for the class: time_label.
 
         Returns
         -------
@@ -85,8 +87,7 @@ class AlarmDisplay(Display):
         """
         check_is_fitted(estimator)
         statistic = deepcopy(estimator).reset().update(X).statistic[:, 0]
-        options.setdefault("name", type(estimator).__name__ + " [standard deviations]")
-        options["two_sided"] = isinstance(estimator, EWMA)
+        options |= {"name": type(estimator).__name__, "two_sided": isinstance(estimator, EWMA)}
         return cls(times, statistic, estimator.limit_, **options).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
@@ -100,16 +101,15 @@ class AlarmDisplay(Display):
         (ax,) = _drawing.panel_axes(ax, height=2.6)
         table = self.frame()
         ax.plot(table["time"], table["statistic"], color=_drawing.PLAIN, label="statistic")
-        style = {"color": "0.3", "linestyle": "--", "linewidth": 1}
-        ax.axhline(self.limit, label=f"limit {self.limit:.3g}", **style)
+        ax.axhline(self.limit, label=f"limit {self.limit:.3g}", **_LIMIT)
         if self.two_sided:
-            ax.axhline(-self.limit, **style)
+            ax.axhline(-self.limit, **_LIMIT)
         alarms = table[table["alarm"]]
         if len(alarms):
-            look = {"color": _drawing.COLOURS[1], "marker": "s", "markersize": 4, "linestyle": ""}
+            look = {"color": _drawing.COLOURS[1], "markersize": 4}
             first = f"alarm, first at {alarms['time'].iloc[0]:.6g}"
-            ax.plot(alarms["time"], alarms["statistic"], label=first, **look)
-        ax.set(xlabel=self.time_label, ylabel=self.name)
+            ax.plot(alarms["time"], alarms["statistic"], "s", label=first, **look)
+        ax.set(xlabel=self.time_label, ylabel=f"{self.name} [standard deviations]")
         _drawing.legend_above(ax)
         return ax
 
@@ -165,30 +165,25 @@ class TrendDisplay(Display):
     def _draw(self, ax: Any) -> Any:
         axes = _drawing.panel_axes(ax, len(self._units))
         table = self.frame()
-        dates = pd.api.types.is_datetime64_any_dtype(table["time"])
         rates = set(table.get("false_alarm", pd.Series(dtype=float)).dropna())
         stated = f" ({100 * max(rates):.3g} % false alarms)" if len(rates) == 1 else ""
         for panel, unit in zip(axes, self._units, strict=True):
             own = table[table["unit"] == unit]
             panel.plot(own["time"], own["index"], color="0.6", linewidth=0.9, zorder=1)
-            for is_alarm, colour, marker, label in (
-                (False, _drawing.COLOURS[0], "o", "within the limit"),
-                (True, _drawing.COLOURS[1], "s", "alarm"),
-            ):
-                style = {"color": colour, "marker": marker, "linestyle": "", "markersize": 4}
-                text = label if (table["alarm"] == is_alarm).any() else None
-                chosen = own[own["alarm"] == is_alarm]
-                panel.plot(chosen["time"], chosen["index"], label=text, **style)
-            limits = own["limit"][np.isfinite(own["limit"].astype(float))]
+            for number, marker, label in ((0, "o", "within the limit"), (1, "s", "alarm")):
+                chosen = own[own["alarm"] == number]
+                text = label if (table["alarm"] == number).any() else None
+                style = {"color": _drawing.COLOURS[number], "markersize": 4}
+                panel.plot(chosen["time"], chosen["index"], marker, label=text, **style)
+            limits = own["limit"].dropna()
             if len(limits):
-                look = {"color": "black", "linestyle": "--", "linewidth": 1.0}
-                panel.axhline(limits.iloc[-1], label=f"limit{stated}", **look)
+                panel.axhline(limits.iloc[-1], label=f"limit{stated}", **_LIMIT)
             panel.set_ylim(bottom=0)
-            panel.set_ylabel("health index" if len(axes) == 1 else f"{unit}")
+            panel.set_ylabel("health index" if len(axes) == 1 else str(unit))
         if len(axes) > 1:
             axes[0].figure.supylabel("health index of unit", fontsize=10)
         _drawing.label_x(axes, self.time_label)
-        if dates:
+        if pd.api.types.is_datetime64_any_dtype(table["time"]):
             _drawing.date_axis(axes[-1], table["time"])
         _drawing.legend_above(axes[0])
         return axes if len(axes) > 1 else axes[0]
@@ -275,25 +270,17 @@ class RemainingLifeDisplay(Display):
         (ax,) = _drawing.panel_axes(ax, height=3.0)
         table = self.frame()
         top = 2.0 * table.filter(["median", "true"]).to_numpy().max()
-        damaged = (table["stage"] == DAMAGE).to_numpy()
-        first = int(np.argmax(damaged)) if damaged.any() else len(table)
-        for stage, rows, colour in (
-            (BEFORE_ONSET, table.iloc[: first + 1] if first else table.iloc[:0], "#777777"),
-            (DAMAGE, table.iloc[first:], _drawing.PLAIN),
-        ):
+        for stage, colour in ((BEFORE_ONSET, "#777777"), (DAMAGE, _drawing.PLAIN)):
+            rows = table[table["stage"] == stage]
             if len(rows):
                 interval = f"{self.coverage:.0%} interval, {_NAMES[stage]}"
                 upper = np.minimum(rows["upper"], top)
                 look = {"color": _drawing.tint(colour, 0.3), "linewidth": 0, "label": interval}
-                # Before the onset, the interval is that of the last reading until the next one.
-                step = "post" if stage == BEFORE_ONSET else None
-                ax.fill_between(rows["age"], rows["lower"], upper, step=step, **look)
-                known = rows if stage == DAMAGE or first == len(table) else rows.iloc[:-1]
+                ax.fill_between(rows["age"], rows["lower"], upper, **look)
                 label = f"median, {_NAMES[stage]}"
-                ax.plot(known["age"], known["median"], color=colour, label=label)
+                ax.plot(rows["age"], rows["median"], color=colour, label=label)
         if "true" in table:
-            style = {"color": "black", "linestyle": "--", "linewidth": 1}
-            ax.plot(table["age"], table["true"], label="true remaining life", **style)
+            ax.plot(table["age"], table["true"], "k--", linewidth=1, label="true remaining life")
         ax.set_ylim(0, top)
         ax.set(xlabel=f"age [{self.unit}]", ylabel=f"remaining life [{self.unit}]")
         _drawing.legend_above(ax)

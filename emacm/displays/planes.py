@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
+from sklearn.utils import check_consistent_length
 from sklearn.utils.validation import check_is_fitted
 
 from emacm.displays import _drawing, _tables
@@ -25,10 +26,16 @@ class PlaneDisplay(Display):
     names: tuple[str, str]
     healthy: Any
 
+    def frame(self) -> pd.DataFrame:
+        """Return the recordings: two features, and the true class."""
+        table = pd.DataFrame(self.points, columns=list(self.names))
+        return table.assign(true=self.labels)
+
     def _check_points(self, states: Sequence[Any]) -> None:
         """Check the recordings; `states` are those that the classifier knows."""
         self.points = _tables.check_values(self.points, "points", (None, 2))
-        self.labels = _tables.check_labels(self.labels, len(self.points))
+        self.labels = np.asarray(self.labels)
+        check_consistent_length(self.points, self.labels)
         self._known = [str(state) for state in states]
         found = [*self._known, *np.unique(self.labels)]
         self._numbers = _drawing.state_numbers(found, self.healthy)
@@ -197,16 +204,6 @@ class FeatureDensityDisplay(PlaneDisplay):
         circle = radius * np.stack([np.cos(turn), np.sin(turn)])
         return self.means[number][:, np.newaxis] + axes @ (widths[:, np.newaxis] * circle)
 
-    def frame(self) -> pd.DataFrame:
-        """Return mean, standard deviation and correlation of the features, one row per class."""
-        deviations = np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
-        table = pd.DataFrame(index=pd.Index(self.classes, name="class"))
-        table[[f"mean of {name}" for name in self.names]] = self.means
-        table[[f"deviation of {name}" for name in self.names]] = deviations
-        with np.errstate(divide="ignore", invalid="ignore"):
-            table["correlation"] = self.covariances[:, 0, 1] / deviations.prod(axis=1)
-        return table
-
     def _draw(self, ax: Any) -> Any:
         (ax,) = _drawing.panel_axes(ax, height=3.8)
         markers, lines = self._draw_points(ax), {}
@@ -325,11 +322,6 @@ class DecisionRegionsDisplay(PlaneDisplay):
         decisions = list(estimator.decisions_)
         regions = pd.Index(decisions).get_indexer(estimator.predict(grid)).reshape(n_grid, n_grid)
         return cls(first, second, regions, decisions, points, y, **options).plot(ax=ax)
-
-    def frame(self) -> pd.DataFrame:
-        """Return the recordings: two features, and the true class."""
-        table = pd.DataFrame(self.points, columns=list(self.names))
-        return table.assign(true=self.labels)
 
     def _draw(self, ax: Any) -> Any:
         (ax,) = _drawing.panel_axes(ax, height=3.8)

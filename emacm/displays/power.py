@@ -8,12 +8,12 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from emacm.displays import _bars, _drawing, _tables
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.bins import check_stop_bands
-from emacm.orders.columns import BinBlock, column_names, parse_bin_columns, parse_order_columns
+from emacm.orders.columns import column_names, parse_bin_columns, parse_order_columns
 from emacm.orders.order_psd import OrderPSD
 
 
@@ -30,12 +30,8 @@ class PowerDisplay(_tables.OrderDisplay):
     _of_means: ClassVar[Any]  # constructor from means by label, and the blocks of channels
 
     unit: str | Mapping[str, str] = "unit"
-    envelopes: Any = None
+    envelopes: Mapping[str, str] = field(default_factory=dict)
     healthy: Any = _drawing.HEALTHY
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.envelopes = dict(self.envelopes or {})
 
     @classmethod
     def from_table(
@@ -79,14 +75,7 @@ class PowerDisplay(_tables.OrderDisplay):
 
     @classmethod
     def from_estimator(
-        cls,
-        estimator: Any,
-        X: Any,
-        channel: str | Sequence[str] | None = None,
-        *,
-        labels: ArrayLike | None = None,
-        ax: Any = None,
-        **options: Any,
+        cls, estimator: Any, X: Any, channel: str | Sequence[str] | None = None, **options: Any
     ) -> Self:
         """Transform recordings by a fitted pipeline, and draw the mean of each label.
 
@@ -99,12 +88,8 @@ class PowerDisplay(_tables.OrderDisplay):
             Recordings, or the input of the first step.
         channel : str or sequence of str, optional
             Channels to draw, as in the column names. Default: all.
-        labels : array-like of shape (n_recordings,), optional
-            Label of each recording. Default: the mean of all.
-        ax : matplotlib Axes or sequence of Axes, optional
-            Where to draw: one Axes for each channel.
         **options
-            As for the class.
+            As for `from_table`: labels, ax, and as for the class.
 
         Returns
         -------
@@ -121,9 +106,9 @@ class PowerDisplay(_tables.OrderDisplay):
         values = step.transform(X if before is None else before.transform(X))
         table = pd.DataFrame(np.asarray(values), columns=step.get_feature_names_out())
         known = {option: getattr(step, option) for option in cls._from_step}
-        known["envelopes"] = _tables.envelopes_of(before)
+        known["envelopes"] = _tables.envelopes_of(estimator)
         known["unit"] = _tables.units_in(X) or "unit"
-        return cls.from_table(table, channel, labels=labels, ax=ax, **(known | options))
+        return cls.from_table(table, channel, **(known | options))
 
     def _label_power(self, panel: Any, channel: str, quantity: str, per: str = "") -> None:
         """Label the y axis with quantity, channel and unit."""
@@ -230,10 +215,16 @@ class OrderSpectrumDisplay(PowerDisplay):
         n_channels = len(self.channels)
         axes = _drawing.panel_axes(ax, n_channels, height=3.8 if n_channels == 1 else 2.0)
         top = self.orders[-1] if self.max_order is None else self.max_order
+        # Detrending changes the line at order 0, which is not the order of any fault.
+        drawn = (self.orders > 0) & (self.orders <= top)
         gap = 0.0
         for i, (panel, channel) in enumerate(zip(axes, self.channels, strict=True)):
             for label, number in _drawing.state_numbers(self.spectra, self.healthy).items():
-                self._draw_line(panel, self.spectra[label][i], top, label, number)
+                style = {"label": _drawing.wrapped(label), **_drawing.line_style(number)}
+                if len(self.spectra) == 1:
+                    style["linestyle"] = "-"
+                power = _drawing.decibels(self.spectra[label][i][drawn])
+                panel.plot(self.orders[drawn], power, linewidth=1.2, **style)
             panel.set_xlim(0, top)
             density = self.scaling == "density"
             self._label_power(panel, channel, *(("PSD", "/order") if density else ("power",)))
@@ -242,25 +233,12 @@ class OrderSpectrumDisplay(PowerDisplay):
         _drawing.legend_above(axes[0], gap=gap)
         return axes[0] if isinstance(self.channel, str) else axes
 
-    def _draw_line(
-        self, panel: Any, values: NDArray[np.floating], top: float, label: str, number: int
-    ) -> None:
-        # Detrending changes the line at order 0, which is not the order of any fault.
-        drawn = (self.orders > 0) & (self.orders <= top)
-        power = _drawing.decibels(values[drawn])
-        if not np.all(np.isnan(power)):
-            style = {"label": _drawing.wrapped(label), **_drawing.line_style(number)}
-            if len(self.spectra) == 1:
-                style["linestyle"] = "-"
-            panel.plot(self.orders[drawn], power, linewidth=1.2, **style)
-
 
 @dataclass(eq=False, repr=False)
 class OrderBinsDisplay(PowerDisplay):
-    """Power in order bins, one panel for each channel.
+    """Power in order bins, a stepped line for each group of recordings, a panel for each channel.
 
-    One group of recordings is drawn as bars, several as one stepped line each. Bins that overlap
-    are drawn side by side, under their names.
+    Bins that overlap are drawn side by side, under their names.
 
     Parameters
     ----------
@@ -328,25 +306,11 @@ class OrderBinsDisplay(PowerDisplay):
     def _draw(self, ax: Any) -> Any:
         axes = _bars.bin_panels(ax, [[block] for block in self.blocks])
         for panel, block in zip(axes, self.blocks, strict=True):
-            self._draw_block(panel, block)
+            for label, number in _drawing.state_numbers(self.powers, self.healthy).items():
+                levels = _drawing.decibels(self.powers[label][block.columns])
+                _bars.draw_steps(panel, _bars.bin_places(block), levels, label, number)
             if _bars.has_order_axis(block):
                 _bars.draw_stop_bands(panel, self.stop_bands)  # last in the legend
             self._label_power(panel, block.channel, "power")
         _drawing.legend_above(axes[0], gap=_bars.mark_panels(axes, self.blocks, self.fault_orders))
         return axes
-
-    def _draw_block(self, panel: Any, block: BinBlock) -> None:
-        places = _bars.bin_places(block)
-        for label, number in _drawing.state_numbers(self.powers, self.healthy).items():
-            levels = _drawing.decibels(self.powers[label][block.columns])
-            if len(self.powers) > 1:
-                _bars.draw_steps(panel, places, levels, label, number)
-                continue
-            known = levels[np.isfinite(levels)]
-            low, high = (known.min(), known.max()) if len(known) else (0.0, 0.0)
-            # Decibel bars have no natural zero; start below the minimum.
-            margin = max(1.0, 0.08 * (high - low))
-            style = {"label": _drawing.wrapped(label)}
-            style |= _bars.bar_style(_drawing.colour_of(number))
-            _bars.draw_bars(panel, places, levels, bottom=low - margin, **style)
-            panel.set_ylim(low - margin, high + margin)

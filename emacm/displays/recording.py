@@ -1,4 +1,4 @@
-"""A recording as it was measured: signals and shaft speed over time."""
+"""One recording: signals and shaft speed over time, and its order map over time or speed."""
 
 from __future__ import annotations
 
@@ -10,14 +10,18 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from emacm._checks import check_choice
 from emacm.displays import _drawing, _tables
 from emacm.displays._drawing import Display
+from emacm.displays._tables import OrderDisplay
+from emacm.orders.segment_plan import SegmentPlan
+from emacm.orders.welch import order_psd, samples_per_revolution
 from emacm.recordings.recording import Recording
+from emacm.resampling.angle_recording import AngleStroke
+from emacm.resampling.order_resampler import OrderResampler
 
 # Direction of a stroke: label, grey and hatch of its background.
 _STROKES = {1: ("forward stroke", "0.93", ""), -1: ("reverse stroke", "0.85", "....")}
-
-Line = tuple[NDArray[np.floating], NDArray[np.floating]]  # times and values, equally long
 
 
 @dataclass(eq=False, repr=False)
@@ -107,32 +111,26 @@ class RecordingDisplay(Display):
         strokes = [(start + s.start / fs, start + (s.stop - 1) / fs, s.direction) for s in found]
         return cls(part, start=start, units=units, strokes=strokes).plot(ax=ax)
 
-    def _lines(self) -> dict[str, Line]:
-        """Return the times and values of each channel, and of the shaft speed."""
-        part = self.recording
-        sampled = {name: (part.fs[name], values) for name, values in part.signals.items()}
-        sampled["shaft speed"] = (part.shaft_fs, part.velocity)
-        return {
-            name: (self.start + np.arange(len(values)) / fs, values)
-            for name, (fs, values) in sampled.items()
-        }
-
     def frame(self) -> pd.DataFrame:
         """Return a column ``value``, indexed by channel (or "shaft speed") and time [s]."""
-        tables = {
-            name: pd.DataFrame({"value": values}, index=pd.Index(times, name="time"))
-            for name, (times, values) in self._lines().items()
-        }
-        return pd.concat(tables, names=["quantity"])
+        part = self.recording
+        rates = {**part.fs, "shaft speed": part.shaft_fs}
+        lines = {}
+        for name, values in {**part.signals, "shaft speed": part.velocity}.items():
+            times = pd.Index(self.start + np.arange(len(values)) / rates[name], name="time")
+            lines[name] = pd.DataFrame({"value": values}, times)
+        return pd.concat(lines, names=["quantity"])
 
     def _draw(self, ax: Any) -> Any:
-        lines = self._lines()
+        lines = dict(iter(self.frame()["value"].groupby(level="quantity", sort=False)))
         axes = _drawing.panel_axes(ax, len(lines), height=1.3)
         units = self.recording.units if self.units is None else self.units
         envelopes = _tables.envelopes_in(self.recording)
         for panel, (name, line) in zip(axes, lines.items(), strict=True):
-            self._draw_line(panel, *line)
-            panel.set_xlim(self.start, max(times[-1] for times, _ in lines.values()))
+            self._shade_strokes(panel)
+            line = line.droplevel("quantity")
+            panel.plot(line.index, line, color=_drawing.PLAIN, linewidth=0.8)
+            panel.set_xlim(self.start, max(own.index[-1][1] for own in lines.values()))
             _drawing.label_y(panel, *_tables.quantity_of("", name, units, envelopes))
         axes[-1].axhline(0, color="0.4", linewidth=0.6)
         _drawing.label_y(axes[-1], "shaft speed", "rad/s")
@@ -140,25 +138,208 @@ class RecordingDisplay(Display):
         _drawing.legend_above(axes[0])
         return axes
 
-    def _draw_line(
-        self, panel: Any, times: NDArray[np.floating], values: NDArray[np.floating]
-    ) -> None:
+    def _shade_strokes(self, panel: Any) -> None:
         for start, stop, direction in self.strokes:
             label, grey, hatch = _STROKES[direction]
             named = label in panel.get_legend_handles_labels()[1]
             style = {"facecolor": grey, "edgecolor": "0.7", "hatch": hatch, "linewidth": 0}
             panel.axvspan(start, stop, zorder=0, label=None if named else label, **style)
-        panel.plot(*extremes(times, values), color=_drawing.PLAIN, linewidth=0.8)
 
 
-def extremes(times: NDArray[np.floating], values: NDArray[np.floating], most: int = 20_000) -> Line:
-    """Return the lowest and the highest sample of each short interval, at most `most` samples."""
-    if len(values) <= most:
-        return times, values
-    length = -(-2 * len(values) // most)
-    whole = len(values) // length * length
-    blocks = values[:whole].reshape(-1, length)
-    starts = np.arange(0, whole, length)
-    places = np.sort([starts + blocks.argmin(axis=1), starts + blocks.argmax(axis=1)], axis=0)
-    kept = np.concatenate([places.T.reshape(-1), np.arange(whole, len(values))])
-    return times[kept], values[kept]
+Segments = tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]
+
+
+@dataclass(eq=False, repr=False)
+class OrderMapDisplay(OrderDisplay):
+    """Order spectra of the segments of one recording, over time or over shaft speed.
+
+    Parameters
+    ----------
+    orders : array-like of shape (n_orders,)
+        Orders of the spectral lines, evenly spaced.
+    psd : array-like of shape (n_segments, n_orders)
+        Power spectral density of each segment [unit²/order].
+    intervals : array-like of shape (n_segments, 2)
+        Start and end of each segment [s], in order of time. Where segments overlap, each is
+        drawn up to the middle of the overlap.
+    speeds : array-like of shape (n_segments,)
+        Mean shaft speed in each segment [rad/s], signed.
+    over : {"time", "speed"}
+        Quantity of the x axis. Over speed, segments of nearly the same speed are averaged.
+    n_speeds : int
+        Number of speed classes, of equal width from the lowest to the highest speed.
+    channel, unit : str
+        Name and unit of the channel.
+    envelope : {"amplitude", "squared"}, optional
+        The channel is an envelope of this kind, and its unit is that of the measured channel.
+    max_order : float, optional
+        Highest order to draw.
+    fault_orders : DataFrame of `emacm.fault_orders`, or mapping of str to float, optional
+        Predicted fault orders, which are named. Those above `max_order` are not drawn.
+    slip : float
+        Largest relative slip: a line that slips may be lower or higher by this fraction of its
+        order, and a bar beside the map marks this range. In a mapping every order may slip.
+
+    Attributes
+    ----------
+    ax_, figure_
+        Axes and figure, set when the display is drawn.
+    colorbar_ : Colorbar
+        The colour scale.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an option is invalid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> display = OrderMapDisplay(
+    ...     np.arange(3), np.ones((2, 3)), [[0, 1], [1, 2]], [10.0, 20.0], over="speed"
+    ... )
+    >>> display.frame().index.get_level_values("speed").tolist()
+    [10.0, 20.0]
+    """
+
+    orders: Any
+    psd: Any
+    intervals: Any
+    speeds: Any
+    over: str = field(default="time", kw_only=True)
+    n_speeds: int = field(default=24, kw_only=True)
+    channel: str = field(default="signal", kw_only=True)
+    unit: str = field(default="unit", kw_only=True)
+    envelope: str | None = field(default=None, kw_only=True)
+    max_order: float | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.orders, self.psd = np.asarray(self.orders), np.asarray(self.psd, np.float64)
+        self.intervals, self.speeds = np.asarray(self.intervals), np.asarray(self.speeds)
+        check_choice(self.over, "over", ("time", "speed"))
+
+    @classmethod
+    def from_recording(
+        cls,
+        recording: Recording,
+        channel: str | None = None,
+        *,
+        theta_s: float = 2 * np.pi / 128,
+        revolutions: float = 4,
+        max_order: float | None = None,
+        ax: Any = None,
+        **options: Any,
+    ) -> OrderMapDisplay:
+        """Resample a recording, estimate the spectrum of each segment, and draw them.
+
+        Parameters
+        ----------
+        recording : Recording
+            One run.
+        channel : str, optional
+            Channel to draw. Default: the first.
+        theta_s
+            As for `OrderResampler`.
+        revolutions
+            As for `OrderPSD`. Long segments resolve orders, short ones resolve time.
+        max_order : float, optional
+            Highest order to draw.
+        ax : matplotlib Axes, optional
+            Where to draw.
+        **options
+            As for the class: over, n_speeds, unit, fault_orders, slip.
+
+        Returns
+        -------
+        OrderMapDisplay
+
+        Raises
+        ------
+        TypeError, ValueError
+            If an option is invalid, there is no such channel, or no stroke is as long as one
+            segment.
+        """
+        chosen = _tables.chosen_channels(recording, channel and [channel])[0]
+        resampler = OrderResampler(theta_s, channels=[chosen])
+        strokes = resampler.fit_transform([recording])[0].strokes
+        welch: dict[str, Any] = {"revolutions": revolutions, "max_order": max_order}
+        plan = SegmentPlan(samples_per_revolution(theta_s), **welch)
+        segments = [
+            _segments(stroke, plan.step, plan.n_per_segment, welch)
+            for stroke in strokes
+            if stroke.n_angles >= plan.n_per_segment
+        ]
+        if not segments:
+            longest = max((stroke.revolutions for stroke in strokes), default=0)
+            raise ValueError(
+                f"no stroke holds a segment of {plan.revolutions:g} revolutions; the longest has "
+                f"{longest:.4g}. Lower revolutions."
+            )
+        parts = (np.concatenate(values) for values in zip(*segments, strict=True))
+        options.setdefault("unit", recording.units.get(chosen, "unit"))
+        options["envelope"] = _tables.envelopes_in(recording).get(chosen)
+        display = cls(plan.orders, *parts, channel=chosen, max_order=max_order, **options)
+        return display.plot(ax=ax)
+
+    def frame(self) -> pd.DataFrame:
+        """Return the PSD: one row per segment (start, stop, speed), one column per order."""
+        keys = [*self.intervals.T, self.speeds]
+        index = pd.MultiIndex.from_arrays(keys, names=["start", "stop", "speed"])
+        return pd.DataFrame(self.psd, index=index, columns=pd.Index(self.orders, name="order"))
+
+    def _draw(self, ax: Any) -> Any:
+        (ax,) = _drawing.panel_axes(ax, height=3.8)
+        edges, psd = self._over_time() if self.over == "time" else self._over_speed()
+        top = self.orders[-1] if self.max_order is None else self.max_order
+        # Detrending changes the line at order 0, which is not the order of any fault.
+        drawn = (self.orders > 0) & (self.orders <= top)
+        half = (self.orders[1] - self.orders[0]) / 2
+        heights = np.append(self.orders[drawn] - half, self.orders[drawn][-1] + half)
+        power = np.ma.masked_invalid(_drawing.decibels(psd[:, drawn]).T)
+        # Two fifths of the cells, mostly noise, are below the lowest colour.
+        faintest = np.percentile(power.compressed(), 40) if power.count() else None
+        style = {"vmin": faintest, "cmap": "magma", "rasterized": True}
+        mesh = ax.pcolormesh(edges, heights, power, **style)
+        ax.patch.set(facecolor="white", edgecolor=_drawing.MISSING, hatch="////")
+        name = "time [s]" if self.over == "time" else "shaft speed [rad/s]"
+        ax.set(xlabel=name, ylabel=_drawing.ORDER_LABEL, ylim=(heights[0], top))
+        _drawing.mark_orders_beside(ax, self.fault_orders)
+        self.colorbar_ = ax.figure.colorbar(mesh, ax=ax, extend="min")
+        envelopes = {self.channel: self.envelope} if self.envelope else {}
+        words, unit = _tables.quantity_of("PSD", self.channel, self.unit, envelopes)
+        self.colorbar_.set_label(f"{words} [dB re 1 {_drawing.squared(unit)}/order]")
+        return ax
+
+    def _over_time(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+        """Return edges over time and the spectra between them; NaN where there is no segment."""
+        starts, stops = self.intervals.T
+        following = np.append(starts[1:], stops[-1])
+        ends = np.where(following <= stops, (following + stops) / 2, stops)
+        gaps = np.flatnonzero(following > stops) + 1
+        edges = np.insert(np.append(starts[0], ends), gaps + 1, following[gaps - 1])
+        return edges, np.insert(self.psd, gaps, np.nan, axis=0)
+
+    def _over_speed(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+        """Return edges over speed and the mean spectra between them; NaN without a segment."""
+        low, high = self.speeds.min(), self.speeds.max()
+        if np.isclose(low, high):
+            low, high = low - 0.5, high + 0.5
+        edges = np.linspace(low, high, self.n_speeds + 1)
+        kind = np.clip(np.digitize(self.speeds, edges) - 1, 0, self.n_speeds - 1)
+        means = pd.DataFrame(self.psd).groupby(kind).mean()
+        return edges, means.reindex(range(self.n_speeds)).to_numpy()
+
+
+def _segments(stroke: AngleStroke, step: int, length: int, welch: dict[str, Any]) -> Segments:
+    """Return spectra, intervals [s] and mean speeds [rad/s] of the segments of a stroke."""
+    signal, theta_s = stroke.signals[0], stroke.parent.theta_s
+    segments = np.lib.stride_tricks.sliding_window_view(signal, length)[::step]
+    _, psd = order_psd(segments, samples_per_revolution(theta_s), **welch)
+    starts = step * np.arange(len(segments))
+    travel = theta_s * np.stack([starts, starts + length - 1], axis=1)
+    path = stroke.path
+    angles = np.asarray(path.travel)
+    intervals = path.start_time + np.interp(travel, angles, np.arange(len(angles))) / path.fs
+    turned = np.diff(travel)[:, 0] * (stroke.direction or 1)
+    return psd, intervals, turned / np.diff(intervals)[:, 0]

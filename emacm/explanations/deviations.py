@@ -8,7 +8,6 @@ deviations within the classes.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -16,14 +15,18 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
-from emacm.explanations.feature_traces import FeatureTrace
-from emacm.explanations.opened_pipelines import OpenedPipeline, TracedRecordings, one_recording
+from emacm.explanations.opened_pipelines import (
+    FeatureTrace,
+    OpenedPipeline,
+    TracedRecordings,
+    one_recording,
+)
 
 Array = NDArray[np.float64]
 
 
 def find_deviations(
-    traced: TracedRecordings, references: tuple[Array, Array, Array], spread: Array
+    traced: TracedRecordings, mean: Array, spread: Array, *, low: Any = np.nan, high: Any = np.nan
 ) -> pd.DataFrame:
     """Determine how far a recording is from the training.
 
@@ -31,11 +34,12 @@ def find_deviations(
     ----------
     traced : TracedRecordings
         One recording.
-    references : (ndarray, ndarray, ndarray), each of shape (n_columns,)
-        Positions of the nearest class, and of the least and the largest training value; NaN where
-        they are not known.
+    mean : ndarray of shape (n_columns,)
+        Position of the nearest class.
     spread : ndarray of shape (n_columns,)
         Standard deviations of the positions within the classes; NaN where they are not known.
+    low, high : ndarray of shape (n_columns,)
+        Positions of the least and the largest training value; NaN where they are not known.
 
     Returns
     -------
@@ -46,16 +50,16 @@ def find_deviations(
         "level" and "reference_level" of the class [dB]. NaN where they are not known.
     """
     row, scales = traced.table[0], traced.scales
-    by_level = np.array([_in_decibels(traced, each) for each in references])
+    by_level = np.array([_in_decibels(traced, each) for each in (mean, low, high)])
     with np.errstate(all="ignore"):
-        by_spread = (traced.positions[0] - np.array(references)) / spread
+        by_spread = [(traced.positions[0] - each) / spread for each in (mean, low, high)]
         levels = np.where(np.isinf(scales), 10 * np.log10(row), row * scales)
     exact = np.isfinite(by_level[0])
-    mean, least, largest = np.where(exact, by_level, by_spread)
-    table = pd.DataFrame({"deviation": mean, "least": least, "largest": largest})
+    deviation, least, largest = np.where(exact, by_level, by_spread)
+    table = pd.DataFrame({"deviation": deviation, "least": least, "largest": largest})
     table["outside_training"] = np.where(largest > 0, largest, np.minimum(least, 0))
     table["level"] = np.where(exact, levels, np.nan)
-    table["reference_level"] = table["level"] - mean
+    table["reference_level"] = table["level"] - deviation
     return table.assign(unit=np.where(exact, "dB", "standard deviations"))
 
 
@@ -67,17 +71,14 @@ def _in_decibels(traced: TracedRecordings, reference: Array) -> Array:
     row, scales, found = traced.table[0], traced.scales, traced.positions[0]
     power = np.isinf(scales)
     with np.errstate(all="ignore"):
-        factor = 10 ** (10.0 / 10)
-        changed = [
-            np.where(power, row * factor**sign, row + np.nan_to_num(sign * 10.0 / scales))
-            for sign in (1, -1)
-        ]
+        step = np.nan_to_num(10.0 / scales)
+        changed = [np.where(power, row * 10, row + step), np.where(power, row / 10, row - step)]
         up, down = traced.trace.positions(np.array(changed)) - found
         logarithmic = np.abs(up + down) <= 1e-6 * np.abs(up)
         decibels = (found - reference) * 10.0 / up
         # In a position that is linear in the power, ten times the power adds nine times as much.
-        linear = power & (np.abs(up + factor * down) <= 1e-6 * np.abs(up))
-        by_power = -10 * np.log10(1 - (found - reference) / up * (factor - 1))
+        linear = power & (np.abs(up + 10 * down) <= 1e-6 * np.abs(up))
+        by_power = -10 * np.log10(1 - (found - reference) / up * 9)
     result = np.where(logarithmic, decibels, np.where(linear, by_power, np.nan))
     return np.where(np.isnan(scales) | ~np.isfinite(result), np.nan, result)
 
@@ -88,14 +89,10 @@ class StatementLimits:
 
     Attributes
     ----------
-    exchanged : float
-        Mean deviation from which two channels may be exchanged [dB].
     gain : float
         Common deviation from which it is called a gain [dB].
     covered : float
         Fraction of the bins of a channel that a gain must explain.
-    silent : float
-        Deviation of all bins of a channel without signal [dB].
     least : float
         Deviation outside of the training that is stated [dB, or standard deviations].
     line : int
@@ -110,10 +107,8 @@ class StatementLimits:
         Fraction of the largest contribution below which a sentence is left out.
     """
 
-    exchanged: float = 6.0
     gain: float = 2.0
     covered: float = 0.9
-    silent: float = -20.0
     least: float = 1.0
     line: int = 4
     peak: float = 6.0
@@ -150,8 +145,7 @@ def unknown_statements(table: pd.DataFrame, nearest: str) -> list[str]:
     is_band = (table["unit"] == "dB") & table["low"].notna()
     bands = table[is_band].sort_values("low", kind="stable")
     channels = {str(name): own for name, own in bands.groupby("channel", sort=False)}
-    common = _common_gain(channels) or _swapped(channels)
-    if common:
+    if common := _common_gain(channels):
         return [common]
     stated = _of_others(table[~is_band], nearest)
     for name, own in channels.items():
@@ -223,27 +217,11 @@ def _common_gain(channels: dict[str, pd.DataFrame]) -> str:
     return f"all channels {_span(gain)} training: gain or unit?"
 
 
-def _swapped(channels: dict[str, pd.DataFrame]) -> str:
-    """Return a sentence if two channels have the levels of each other."""
-    for (one, first), (other, second) in combinations(channels.items(), 2):
-        bands = [own[["low", "high"]].to_numpy() for own in (first, second)]
-        if not np.array_equal(*bands):
-            continue
-        levels = np.array([first["level"], second["level"]])
-        means = np.array([first["reference_level"], second["reference_level"]])
-        own, crossed = np.abs(levels - means).mean(), np.abs(levels - means[::-1]).mean()
-        if own > _LIMITS.exchanged and crossed < own / 3:
-            return f"channels {one!r} and {other!r} as if exchanged: are they swapped?"
-    return ""
-
-
 def _of_channel(name: str, own: pd.DataFrame) -> list[tuple[float, str]]:
     """Return the sentences about the bins of one channel, each with its contribution."""
     outside, weight = own["outside_training"], own["contribution"].abs()
     far, gain = outside.abs() > _LIMITS.least, _gain(own)
-    if (outside < -_LIMITS.least).all() and own["deviation"].median() <= _LIMITS.silent:
-        text = f"{_span(own['deviation'].median())} training: cable or sensor?"
-    elif gain is not None and abs(gain) >= _LIMITS.gain:
+    if gain is not None and abs(gain) >= _LIMITS.gain:
         text = f"{_span(gain)} training at all orders: gain or unit?"
     elif far.mean() > _LIMITS.broad:
         share = f"{100 * far.mean():.0f} % of its order bins"
@@ -346,8 +324,7 @@ def class_deviations(
     else:
         others = traced.trace.positions(opened.table(background)[0])
         mean, spread = others.mean(axis=0), others.std(axis=0)
-    unknown = np.full(len(mean), np.nan)
-    found = find_deviations(traced, (mean, unknown, unknown), spread)
+    found = find_deviations(traced, mean, spread)
     with np.errstate(all="ignore"):
         found["sigmas"] = (traced.positions[0] - mean) / spread
     return traced.bins.join(found[["deviation", "unit", "sigmas", "level", "reference_level"]])

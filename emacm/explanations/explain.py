@@ -7,13 +7,16 @@ not by the bearing. These functions quantify it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
+from sklearn.utils import check_consistent_length
 
+from emacm._checks import check_number
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.truths import label_list, label_positions
 from emacm.explanations.deviations import (
@@ -22,8 +25,13 @@ from emacm.explanations.deviations import (
     second_state_statement,
     unknown_statements,
 )
-from emacm.explanations.feature_traces import with_names
-from emacm.explanations.opened_pipelines import OpenedPipeline, TracedRecordings, one_recording
+from emacm.explanations.opened_pipelines import (
+    OpenedPipeline,
+    TracedRecordings,
+    one_recording,
+    with_names,
+)
+from emacm.machine.fault_orders import named_orders, slip_ranges
 
 Array = NDArray[np.float64]
 
@@ -144,16 +152,18 @@ def explain_decision(
     if with_unknown:
         distances = classifier.distances_
         slope = distances.square_gradient((start + end) / 2, code)
-        value, baseline = (distances.squares(z, code)[0] for z in (end, start))
+        value = distances.squares(end, code)[0]
         nearest = f"{classes[code]!r}, the nearest class"
         quantity = f"squared distance from {nearest} [standard deviations]"
     else:
         own = classes.index(decision)
         slope = mean_slope_of_log_odds(classifier, start, end, own, code)
-        value, baseline = (log_odds(classifier, z, own, code)[0] for z in (end, start))
+        joint = joint_log_proba(classifier, end)[0]
+        value = joint[own] - joint[code]
         quantity = f"log odds of {decision!r} against {against!r} [nats]"
-    attrs |= {"quantity": quantity, "value": float(value), "baseline_value": float(baseline)}
     table = traced.bins.assign(contribution=(step * (slope @ traced.trace.matrix))[0])
+    attrs |= {"quantity": quantity, "value": float(value)}
+    attrs["baseline_value"] = float(value - table["contribution"].sum())
     if with_unknown:
         deviations = _deviations(classifier, traced, step, others)
         attrs["statements"] = [PROJECTED]
@@ -167,7 +177,7 @@ def explain_decision(
     return table
 
 
-def explain_model(pipeline: Any, X: Any, y: ArrayLike | None = None) -> pd.DataFrame:
+def explain_model(pipeline: Any, X: Any, y: ArrayLike) -> pd.DataFrame:
     """Explain a model by order bins, or other named features, averaged over many recordings.
 
     The log odds of the class of each recording against each other class are distributed over the
@@ -179,10 +189,8 @@ def explain_model(pipeline: Any, X: Any, y: ArrayLike | None = None) -> pd.DataF
         Fitted; ends in a `CostSensitiveGaussianBayes`.
     X : recordings or table
         Input of the pipeline.
-    y : array-like of shape (n_recordings,), optional
-        True classes. With `y`, the class of a recording is the true one, and the baseline is the
-        mean of the other class in `X`; without, its class is the most probable one, and the
-        baseline the nearest point with the mean of the other class.
+    y : array-like of shape (n_recordings,)
+        True classes. The baseline is the mean of the other class in `X`.
 
     Returns
     -------
@@ -214,23 +222,19 @@ def explain_model(pipeline: Any, X: Any, y: ArrayLike | None = None) -> pd.DataF
     """
     opened = OpenedPipeline.of(pipeline, X)
     classifier, traced = opened.classifier, opened.traced(X)
-    if y is None:
-        own = np.argmax(joint_log_proba(classifier, traced.features), axis=1)
-        codes = np.flatnonzero(classifier.priors_ > 0).tolist()
-    else:
-        own = _class_codes(classifier, y, len(traced.features))
-        codes = np.unique(own).tolist()
+    labels = label_list(y)
+    check_consistent_length(traced.features, labels)
+    own = np.array(label_positions(labels, classifier.classes_.tolist(), "y", "class"))
     magnitudes: dict[str, Array] = {}
-    for pair in combinations(codes, 2):
+    for pair in combinations(np.unique(own).tolist(), 2):
         found = []
         for code, other in (pair, pair[::-1]):
-            centre = None if y is None else traced.positions[own == other].mean(axis=0)
+            centre = traced.positions[own == other].mean(axis=0)
             step, start, end = _lines(classifier, traced, other, centre, chosen=own == code)
             slope = mean_slope_of_log_odds(classifier, start, end, code, other)
             found.append(np.abs(step * (slope @ traced.trace.matrix)))
-        if any(map(len, found)):
-            name = " vs ".join(str(label) for label in classifier.classes_[list(pair)].tolist())
-            magnitudes[name] = np.concatenate(found)
+        name = " vs ".join(str(label) for label in classifier.classes_[list(pair)].tolist())
+        magnitudes[name] = np.concatenate(found)
     if not magnitudes:
         raise ValueError(
             "a model is explained by pairs of classes, but the recordings have one class only."
@@ -240,6 +244,98 @@ def explain_model(pipeline: Any, X: Any, y: ArrayLike | None = None) -> pd.DataF
     table = _ranked(traced.bins.assign(contribution=overall, **pairs))
     table.attrs = {"quantity": "mean magnitude of the contributions to the log odds [nats]"}
     return table
+
+
+def match_fault_orders(
+    explanation: pd.DataFrame,
+    orders: pd.DataFrame | Mapping[str, float],
+    *,
+    slip: float = 0.02,
+    min_width: float = 0.0,
+) -> pd.DataFrame:
+    """Assign predicted fault orders to the bins that determine a decision or a model.
+
+    Parameters
+    ----------
+    explanation : DataFrame
+        From `explain_decision` or `explain_model`, or some of its rows (those of one channel, for
+        example).
+    orders : DataFrame from `fault_orders`, or mapping of str to float
+        Predicted orders by name, with their harmonics.
+    slip : float
+        Largest relative deviation of a line with slip from its order; in a mapping, every
+        line may slip.
+    min_width : float
+        Smallest width of a line [orders], for example ``4 / revolutions``.
+
+    Returns
+    -------
+    DataFrame
+        The explanation with the columns "fault" (the predicted order in the bin, or the one
+        nearest to its centre if there are several; "none" without any), "fault_order" (NaN if
+        none) and "n_faults" (number of predicted orders in the bin, which it cannot separate).
+        `attrs` additionally contains "predicted_share", the fraction of the contributions in bins
+        with a fault order, and "predicted_bins", the fraction of the bins with one, which is the
+        predicted share of a model that depends on all bins equally.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `explanation` is not an explanation, there is no order, or an order is not positive.
+
+    See Also
+    --------
+    emacm.fault_orders : The orders of the parts.
+    emacm.explain_decision : Bins that decided.
+
+    Notes
+    -----
+    A predicted share close to the fraction of bins proves nothing; one below it suggests a model
+    that recognises the units instead of the fault. With many harmonics and wide bins, every bin
+    contains a fault order.
+
+    Examples
+    --------
+    >>> from emacm import fault_orders, match_fault_orders
+    >>> explanation = pd.DataFrame(
+    ...     {"column": ["v@12-13", "v@6-7"], "low": [12, 6], "high": [13, 7], "share": [0.3, 0.7]}
+    ... )
+    >>> matched = match_fault_orders(explanation, fault_orders({"BPFI": 6.123}, harmonics=2))
+    >>> matched["fault"].tolist(), matched.attrs["predicted_share"]
+    (['2xBPFI', 'BPFI'], 1.0)
+    """
+    columns = ("column", "low", "high", "share")
+    missing = [c for c in columns if c not in getattr(explanation, "columns", ())]
+    if missing:
+        raise ValueError(
+            f"explanation must be a table from explain_decision or explain_model; it has no "
+            f"column {missing[0]!r}."
+        )
+    check_number(slip, "slip", at_least=0, below=1)
+    _, centres = named_orders(orders)
+    names, low, high = slip_ranges(orders, slip=slip, min_width=min_width)
+    bottom, top = (
+        explanation[name].to_numpy(np.float64)[:, np.newaxis] for name in ("low", "high")
+    )
+    inside = (low <= top) & (high >= bottom)
+    for row, column in enumerate(explanation["column"]):
+        if np.isnan(bottom[row, 0]):  # a named band without known edges
+            inside[row] = np.array(names) == str(column).rpartition("@")[2]
+    distance = np.where(np.isnan(bottom), 0.0, np.abs(centres - (bottom + top) / 2))
+    nearest = np.argmin(np.where(inside, distance, np.inf), axis=1)
+    hit = np.any(inside, axis=1)
+    matched = explanation.assign(
+        fault=np.where(hit, np.array(names, dtype=object)[nearest], "none"),
+        fault_order=np.where(hit, centres[nearest], np.nan),
+        n_faults=inside.sum(axis=1),
+    )
+    total = float(explanation["share"].sum())
+    matched.attrs = {
+        **explanation.attrs,
+        "predicted_share": float(explanation["share"][hit].sum()) / total if total else 0.0,
+        "predicted_bins": float(hit.mean()) if len(hit) else 0.0,
+    }
+    return matched
 
 
 def _lines(
@@ -272,13 +368,13 @@ def _deviations(
     `others` are the positions of background recordings, whose range is that of the training
     where the features are projections of several columns.
     """
-    low, high, spread = np.full((3, *step[0].shape), np.nan)
+    low = high = spread = np.full(len(step[0]), np.nan)
     if not traced.trace.linear:  # each feature is the position of one column
         low, high = classifier.feature_range_
         spread = classifier.distances_.deviations
     elif others is not None:
         low, high, spread = others.min(axis=0), others.max(axis=0), others.std(axis=0)
-    return find_deviations(traced, (traced.positions[0] - step[0], low, high), spread)
+    return find_deviations(traced, traced.positions[0] - step[0], spread, low=low, high=high)
 
 
 def _of_second_state(
@@ -290,10 +386,10 @@ def _of_second_state(
     if second is None or traced.trace.linear:
         return "" if second is None else second_state_statement(decision, second)
     own, other = map(classifier.classes_.tolist().index, (decision, second))
-    distances, unknown = classifier.distances_, np.full(len(traced.bins), np.nan)
+    distances = classifier.distances_
     mean, spread = distances.means[own], distances.deviations
     sigmas = np.where(distances.raised(own)[other], traced.positions[0] - mean, 0.0) / spread
-    table = traced.bins.join(find_deviations(traced, (mean, unknown, unknown), spread))
+    table = traced.bins.join(find_deviations(traced, mean, spread))
     order = np.argsort(-sigmas, kind="stable")[:3]
     listed = order[sigmas[order] > max(sigmas.max() / 2, 0.0)]
     return second_state_statement(decision, second, table.iloc[listed])
@@ -328,28 +424,9 @@ def _question(
     return decision, against
 
 
-def _class_codes(
-    classifier: CostSensitiveGaussianBayes, y: ArrayLike, n_recordings: int
-) -> NDArray[np.intp]:
-    labels = label_list(y)
-    if len(labels) != n_recordings:
-        raise ValueError(
-            f"y must contain one class for each of {n_recordings} recordings, got {len(labels)}."
-        )
-    return np.array(label_positions(labels, classifier.classes_.tolist(), "y", "class"), np.intp)
-
-
 def joint_log_proba(classifier: CostSensitiveGaussianBayes, features: Array) -> Array:
     """Return the logarithm of prior times density, shape (n_recordings, n_classes)."""
     return classifier.predict_joint_log_proba(with_names(classifier, features))
-
-
-def log_odds(
-    classifier: CostSensitiveGaussianBayes, features: Array, code: int, other: int
-) -> Array:
-    """Return the log odds of one class (by index) against another [nats], shape (n_recordings,)."""
-    joint = joint_log_proba(classifier, features)
-    return joint[:, code] - joint[:, other]
 
 
 def mean_slope_of_log_odds(
@@ -376,8 +453,8 @@ def mean_slope_of_log_odds(
     >>> model = CostSensitiveGaussianBayes().fit([[0.0], [2.0], [5.0], [9.0]], [0, 0, 1, 1])
     >>> start, end = np.array([[1.0]]), np.array([[6.0]])
     >>> total = mean_slope_of_log_odds(model, start, end, 1, 0) * (end - start)
-    >>> change = log_odds(model, end, 1, 0) - log_odds(model, start, 1, 0)
-    >>> bool(np.isclose(total[0, 0], change[0]))
+    >>> change = np.diff(joint_log_proba(model, end) - joint_log_proba(model, start))
+    >>> bool(np.isclose(total[0, 0], change[0, 0]))
     True
     """
     middle = (start + end) / 2  # the gradient is linear along the line

@@ -1,4 +1,9 @@
-"""Fitted pipelines, divided at their table of order bins or other named features."""
+"""Fitted pipelines, divided at their table of order bins or other named features.
+
+How the features of the classifier depend on the columns of the table is determined by experiment:
+the columns are changed one at a time, and the changes of the outputs are observed. This works for
+any transformer, including user-defined ones.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +25,6 @@ from emacm.conditions.present_costs import with_present_costs
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import search_estimator
-from emacm.explanations.feature_traces import FeatureTrace, trace_features
 from emacm.machine.fault_lines import FaultLines
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.columns import column_names
@@ -30,6 +34,7 @@ from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
 
 Array = NDArray[np.float64]
+Steps = tuple[tuple[str, Any], ...]
 
 _NUMBER = r"[0-9]+(?:\.[0-9]*)?(?:e[+-]?[0-9]+)?"
 _RANGE = re.compile(rf"({_NUMBER})(?:-({_NUMBER}))?", re.IGNORECASE)
@@ -70,7 +75,12 @@ def _columns(step: Any, names: Any, scales: Array) -> tuple[Any, Array]:
             names, scales = _columns(inner, names, scales)
         return names, scales
     if isinstance(step, FeatureUnion):
-        return _union_columns(step, names, scales)
+        parts = [(prefix, *_columns(own, names, scales)) for prefix, own in step.transformer_list]
+        if any(own is None for _, own, _ in parts):
+            return None, scales
+        verbose = step.verbose_feature_names_out
+        joined = [f"{prefix}__{n}" if verbose else n for prefix, own, _ in parts for n in own]
+        return joined, np.concatenate([own for _, _, own in parts])
     if isinstance(step, FunctionTransformer) and names is not None:
         scale = _decibels_per_unit(step)
         scales = np.where(np.isinf(scales), scale, np.nan)
@@ -85,17 +95,6 @@ def _columns(step: Any, names: Any, scales: Array) -> tuple[Any, Array]:
     return names, scales
 
 
-def _union_columns(union: FeatureUnion, names: Any, scales: Array) -> tuple[Any, Array]:
-    joined, found = [], []
-    for prefix, step in union.transformer_list:
-        own, own_scales = _columns(step, names, scales)
-        if own is None:
-            return None, scales
-        joined += [f"{prefix}__{name}" if union.verbose_feature_names_out else name for name in own]
-        found.append(own_scales)
-    return joined, np.concatenate(found)
-
-
 def _decibels_per_unit(logarithm: FunctionTransformer) -> float:
     """Return what one unit of a logarithm of a power is in dB; NaN if it is another function."""
     if logarithm.func is None:
@@ -107,6 +106,30 @@ def _decibels_per_unit(logarithm: FunctionTransformer) -> float:
         return np.nan
     straight = np.ptp(steps) <= 1e-6 * np.abs(steps).max()  # the powers are 10 dB apart
     return float(10.0 / steps.mean()) if straight and steps.any() else np.nan
+
+
+@dataclass(frozen=True)
+class FeatureTrace:
+    """The steps from a table to the features: element-wise steps, then linear ones.
+
+    Attributes
+    ----------
+    elementwise : tuple of (name, transformer)
+        The fitted element-wise steps.
+    linear : bool
+        Whether there are linear steps.
+    matrix : ndarray of shape (n_features, n_columns)
+        Matrix of the linear steps, which is applied to the outputs of the element-wise steps.
+        These outputs, one for each column of the table, are called positions.
+    """
+
+    elementwise: Steps
+    linear: bool
+    matrix: Array
+
+    def positions(self, table: Array) -> Array:
+        """Apply the element-wise steps, shape (n_recordings, n_columns)."""
+        return apply_steps(self.elementwise, table)
 
 
 @dataclass(frozen=True)
@@ -140,13 +163,7 @@ class OpenedPipeline:
         """
         refuse_single(X)
         *steps, (name, classifier) = _flat_steps(pipeline)
-        if isinstance(classifier, ConditionRouter):
-            if steps:
-                raise TypeError(
-                    "a ConditionRouter after other steps of a pipeline has a classifier for each "
-                    "condition. Put the steps before it into its estimator, or explain one of its "
-                    "estimators_, with a table of its condition."
-                )
+        if isinstance(classifier, ConditionRouter) and not steps:
             return cls._of_condition(classifier, X)
         if not isinstance(classifier, CostSensitiveGaussianBayes):
             raise TypeError(
@@ -201,10 +218,8 @@ class OpenedPipeline:
                 f"X must have the columns of the fit, {list(expected)}, got {list(names)}."
             )
         values = np.asarray(check_real_array(X, "X"), dtype=np.float64)
-        if values.ndim != 2:
-            raise ValueError(f"X must be a table of recordings, got shape {values.shape}.")
-        numbered = [f"x{i}" for i in range(values.shape[1])]
-        labels = list(next((own for own in (names, expected) if own is not None), numbered))
+        labels = expected if names is None else names
+        labels = [f"x{i}" for i in range(values.shape[1])] if labels is None else list(labels)
         check_finite_table(values, "recording", labels)
         return values, labels
 
@@ -212,8 +227,8 @@ class OpenedPipeline:
         """Return recordings after each kind of steps."""
         values, bins, scales = self.table(X)
         trace = trace_features(self.steps, values)
-        positions = trace.positions(values)
-        return TracedRecordings(values, bins, scales, trace, positions, trace.features(positions))
+        features = apply_steps(self.steps, values)
+        return TracedRecordings(values, bins, scales, trace, trace.positions(values), features)
 
 
 @dataclass(frozen=True)
@@ -253,19 +268,13 @@ def one_recording(x: Any) -> Any:
     return x
 
 
-def _flat_steps(estimator: Any, prefix: str = "") -> list[tuple[str, Any]]:
+def _flat_steps(estimator: Any, name: str = "") -> list[tuple[str, Any]]:
     """Return the steps that do something, with nested pipelines and searches opened."""
-    inner = search_estimator(estimator)
-    if inner is not estimator:
-        return _flat_steps(inner, prefix)
-    if not isinstance(estimator, Pipeline):
-        return [(prefix or type(estimator).__name__.lower(), estimator)]
-    return [
-        flat
-        for name, step in estimator.steps
-        if step not in (None, "passthrough")
-        for flat in _flat_steps(step, f"{prefix}__{name}" if prefix else name)
-    ]
+    opened = search_estimator(estimator)
+    if not isinstance(opened, Pipeline):
+        return [(name or type(opened).__name__.lower(), opened)]
+    steps = [own for own in opened.steps if own[1] not in (None, "passthrough")]
+    return [flat for inner, step in steps for flat in _flat_steps(step, inner)]
 
 
 def _first_table(steps: Sequence[tuple[str, Any]], X: Any) -> int:
@@ -296,3 +305,110 @@ def _bin_frame(names: Sequence[Any]) -> pd.DataFrame:
         low, high = (np.nan, np.nan) if found is None else (found[1], found[2] or found[1])
         rows.append((name, channel, float(low), float(high)))
     return pd.DataFrame(rows, columns=["column", "channel", "low", "high"])
+
+
+def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTrace:
+    """Determine the element-wise and linear steps from the columns of a table to the features.
+
+    Parameters
+    ----------
+    steps : sequence of (name, transformer)
+        Fitted steps after the table.
+    table : ndarray of shape (n_recordings, n_columns)
+        Rows of the table; the steps are tested near the first.
+
+    Returns
+    -------
+    FeatureTrace
+        The leading element-wise steps, and the linear steps after them.
+
+    Raises
+    ------
+    ValueError
+        If a step is neither element-wise (each output depends on its own column) nor linear,
+        is nonlinear after a step that mixes columns, or gives a value that is not finite; the
+        message gives its name.
+
+    Examples
+    --------
+    >>> from sklearn.decomposition import PCA
+    >>> from sklearn.preprocessing import StandardScaler
+    >>> X = np.random.default_rng(0).normal(size=(9, 3))
+    >>> scaler, pca = StandardScaler().fit(X), PCA(2).fit(StandardScaler().fit_transform(X))
+    >>> trace = trace_features([("scaler", scaler), ("pca", pca)], X)
+    >>> [name for name, _ in trace.elementwise], np.allclose(trace.matrix, pca.components_)
+    (['scaler'], True)
+    """
+    row = np.asarray(table, dtype=np.float64)[:1]
+    elementwise: list[tuple[str, Any]] = []
+    matrix = np.eye(row.shape[1])
+    for number, (name, step) in enumerate(steps):
+        after = apply_step(step, row)
+        if not np.isfinite(after).all():
+            raise ValueError(
+                f"step {name!r} ({type(step).__name__}) gives a value that is not finite, such as "
+                f"the logarithm of a channel without power. Check the channels of the recording."
+            )
+        if len(elementwise) == number and _is_elementwise(step, row):
+            elementwise.append((name, step))
+        else:
+            matrix = _linear_part(name, step, row) @ matrix
+        row = after
+    return FeatureTrace(tuple(elementwise), len(elementwise) < len(steps), matrix)
+
+
+def apply_steps(steps: Sequence[tuple[str, Any]], values: Array) -> Array:
+    """Transform an array by several steps."""
+    for _, step in steps:
+        values = apply_step(step, values)
+    return values
+
+
+def apply_step(step: Any, values: Array) -> Array:
+    """Transform an array, with the column names that the step was fitted on."""
+    with np.errstate(all="ignore"):
+        return np.asarray(step.transform(with_names(step, values)), dtype=np.float64)
+
+
+def with_names(estimator: Any, values: Array) -> Any:
+    """Return the array, as a DataFrame where the estimator was fitted on names."""
+    names = getattr(estimator, "feature_names_in_", None)
+    return values if names is None else pd.DataFrame(values, columns=names)
+
+
+def _is_elementwise(step: Any, row: Array) -> bool:
+    """Return whether each output depends on the column in its place only."""
+    # One per cent more leaves a positive value positive, so that its logarithm exists.
+    responses, size = _responses(step, row, np.where(row[0] == 0, 1e-3, 0.01 * row[0]))
+    strength = np.abs(responses)
+    if strength.shape[0] != strength.shape[1] or not np.isfinite(strength).all():
+        return False
+    responds = strength > 1e-9 * strength.max(axis=1, keepdims=True) + 1e-13 * size
+    return not np.any(responds & ~np.eye(len(responds), dtype=bool))
+
+
+def _linear_part(name: str, step: Any, row: Array) -> Array:
+    """Return the matrix of a linear step; raise if it is not linear."""
+    n_columns = row.shape[1]
+    scale = np.sqrt(np.mean(row**2)) or 1.0
+    away = scale * np.random.default_rng(0).uniform(-2, 2, (3, n_columns))
+    matrix = _responses(step, row, np.full(n_columns, scale))[0].T / scale
+    measured = apply_step(step, row + away) - apply_step(step, row)
+    predicted = away @ matrix.T
+    deviation = np.abs(measured - predicted).max(initial=0.0)
+    if not deviation <= 1e-6 * np.abs(predicted).max(initial=0.0):
+        raise ValueError(
+            f"step {name!r} ({type(step).__name__}) cannot be traced back to the bins: it must be "
+            f"linear, or element-wise and before any step that mixes columns. Replace it by a "
+            f"linear projection (PCA, LDA), and take logarithms before that."
+        )
+    return matrix
+
+
+def _responses(step: Any, row: Array, changes: Array) -> tuple[Array, Array]:
+    """Change one column at a time; return the changes and the magnitudes of the outputs.
+
+    The changes have the shape (n_columns, n_outputs).
+    """
+    before, after = apply_step(step, row), apply_step(step, row + np.diag(changes))
+    return after - before, np.abs(before) + np.abs(after).max(axis=0)

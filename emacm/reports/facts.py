@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from emacm._saved import installed_versions
-from emacm.decisions.pipelines import final_estimator, fitted_resamplers
+from emacm.decisions.pipelines import final_estimator
 from emacm.models.model_files import model_description
 from emacm.recordings.recording import Recording
 
@@ -64,17 +64,6 @@ def listed(names: Sequence[Any], last: str = "and") -> str:
     """
     texts = [str(name) for name in names]
     return f" {last} ".join(filter(None, [", ".join(texts[:-1]), *texts[-1:]]))
-
-
-def stated(*cases: tuple[Any, str]) -> list[str]:
-    """Return the texts of those cases that apply.
-
-    Examples
-    --------
-    >>> stated((True, "clipped"), ([], "interrupted"))
-    ['clipped']
-    """
-    return [text for applies, text in cases if applies]
 
 
 def span(low: float, high: float, unit: str) -> str:
@@ -186,7 +175,7 @@ def recording_facts(recording: Recording, name: str) -> Facts:
 
 
 def model_facts(model: Any, path: Path | None = None) -> Facts:
-    """Return note, file, digest, classes, training ranges and versions of a model.
+    """Return note, file, digest, classes and versions of a model.
 
     Parameters
     ----------
@@ -207,27 +196,10 @@ def model_facts(model: Any, path: Path | None = None) -> Facts:
         facts += [("Note", str(about["note"]))] if about["note"] else []
         saved = about["versions"]
     facts.append(("States", _shortened([str(label) for label in model.classes_])))
-    facts += _training(model)
     here = {name: installed_versions()[name] for name in ("emacm", "python", "numpy", "sklearn")}
     facts.append(("Versions", ", ".join(f"{name} {version}" for name, version in here.items())))
     others = [f"{n} {saved[n]}" for n in here if saved.get(n, here[n]) != here[n]]
     return facts + ([("Saved under", ", ".join(others))] if others else [])
-
-
-def _training(model: Any) -> Facts:
-    """Return the ranges of the training recordings of all resamplers together."""
-    ranges = [resampler.training_range_ for resampler in fitted_resamplers(model)]
-    if not ranges:
-        return []
-    table = pd.DataFrame(ranges).dropna(axis="columns")  # one row per resampler, (low, high)
-    ends = {n: (min(own)[0], max(high for _, high in own)) for n, own in table.items()}
-    texts = [speeds(ends["slowest"][0], ends["fastest"][1])]
-    texts.append(span(*ends["revolutions"], "revolutions"))
-    texts += dict.fromkeys(span(*ends[n], "Hz") for n in ends if n.startswith("fs of "))
-    channels = [n.removeprefix("level of ") for n in ends if n.startswith("level of ")]
-    levels = [f"{name} {span(*ends[f'level of {name}'], '').strip()}" for name in channels]
-    texts += [f"levels (root mean square): {_shortened(levels)}"] if levels else []
-    return [("Trained on", "; ".join(texts))]
 
 
 def _shortened(texts: list[str], between: str = ", ", *, most: int = 12) -> str:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import suppress
-from functools import partial
-from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +15,7 @@ from emacm._checks import located
 from emacm.files.folder import open_recording
 from emacm.files.layout import Layout, read_toml
 from emacm.files.sample_times import stated_date
-from emacm.history.sqlite_history import History
+from emacm.history.sqlite_history import History, is_history
 from emacm.machine.gears import Gear, PlanetaryGear
 from emacm.machine.motors import InductionMotor, Motor
 from emacm.machine.parts import Part
@@ -87,9 +85,6 @@ def read_parts(path: Path) -> list[Any]:
                 )
             with located(name):
                 for one in np.ravel(tables):
-                    known = list(signature(kinds[name]).parameters)
-                    if unknown := [key for key in one if key not in known]:
-                        raise ValueError(f"{unknown[0]!r} is not known; possible are {known}.")
                     found.append(kinds[name](**one))
         if not found:
             raise ValueError("it holds no part; write a table such as [[Bearing]].")
@@ -115,31 +110,23 @@ def read_results(path: Path) -> pd.DataFrame:
     ValueError
         If it is of another type, or has no columns "recording" and "decision".
     """
-    readers: dict[str, Callable[[Path], pd.DataFrame]] = {
-        ".csv": _read_csv,
-        ".jsonl": partial(pd.read_json, lines=True, dtype=False),
-        ".parquet": pd.read_parquet,
-        ".sqlite": _read_history,
-        ".db": _read_history,
-    }
     with located(str(path)):
-        if path.suffix not in readers:
+        if path.suffix == ".csv":
+            table = pd.read_csv(path, keep_default_na=False, dtype={"decision": str}).map(of_cell)
+        elif path.suffix == ".jsonl":
+            table = pd.read_json(path, lines=True, dtype=False)
+        elif path.suffix == ".parquet":
+            table = pd.read_parquet(path)
+        elif is_history(path):
+            table = pd.DataFrame(History(path).records())
+        else:
             raise ValueError("a table of results must end with .csv, .jsonl, .parquet or .sqlite.")
-        table = readers[path.suffix](path)
         if not {"recording", "decision"} <= set(table.columns):
             raise ValueError(
                 f"it is not a table of emacm score, whose columns are 'recording', 'decision' and "
                 f"others; got {list(table.columns)}."
             )
     return table
-
-
-def _read_history(path: Path) -> pd.DataFrame:
-    return pd.DataFrame(History(path).records())
-
-
-def _read_csv(path: Path) -> pd.DataFrame:
-    return pd.read_csv(path, keep_default_na=False, dtype={"decision": str}).map(of_cell)
 
 
 # What a spreadsheet takes for a formula, or such a text that was marked as none
@@ -206,17 +193,16 @@ def units_and_times(
     ValueError
         If a meta has no such key; the message names the file.
     """
-
-    def values(key: str) -> list[Any]:
-        return [meta_value(path, layout, key) for path in paths]
-
-    times = [_started(path, layout) for path in paths] if time is None else values(time)
-    if time is not None and all(isinstance(value, str) for value in times):
+    units = None if unit is None else [meta_value(path, layout, unit) for path in paths]
+    if time is None:
+        return units, [_started(path, layout) for path in paths]
+    times = [meta_value(path, layout, time) for path in paths]
+    if all(isinstance(value, str) for value in times):
         try:  # texts have another order: "10" would be before "9"
             times = list(map(float, times))
         except ValueError:
             times = [stated_date(value, time) for value in times]
-    return None if unit is None else values(unit), times
+    return units, times
 
 
 def meta_value(path: Path, layout: Layout, key: str) -> Any:
@@ -243,9 +229,7 @@ def unit_named(path: Path, layout: Layout, key: str | None) -> str:
         meta = layout.meta_of(path)
     except ValueError:  # of a name that does not match; its row or page states why
         return ""
-    if key is not None:
-        return str(meta_value(path, layout, key))
-    return str(meta.get("unit", ""))
+    return str(meta.get("unit", "") if key is None else meta_value(path, layout, key))
 
 
 def _started(path: Path, layout: Layout) -> pd.Timestamp:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from hashlib import sha256
 from html import unescape
@@ -23,7 +24,7 @@ from emacm.recordings.inputs import as_list
 from emacm.recordings.meta import read_meta
 from emacm.recordings.names import printable
 from emacm.reports.facts import decisions_of, healthy_label, model_facts, when
-from emacm.reports.pages import URGENCIES, Page, Settings, page_of
+from emacm.reports.pages import URGENCIES, Further, Page, Settings, Source, page_of
 from emacm.reports.pictures import drawn
 from emacm.reports.written_pages import encoded_svg, templates, written_page
 
@@ -160,10 +161,7 @@ class Reports:
             target.mkdir(parents=True, exist_ok=True)
 
     def pages(
-        self,
-        sources: Sequence[Callable[[], Any]],
-        names: Sequence[str],
-        facts: Callable[[Any], dict[str, Any]] | None = None,
+        self, sources: Sequence[Source], names: Sequence[str], facts: Further = None
     ) -> list[Page]:
         """Return the pages of recordings that functions open, as `page_of` does."""
         pairs = zip(sources, names, strict=True)
@@ -197,11 +195,10 @@ class Reports:
         old = index.read_text(encoding="utf-8", errors="replace") if index.is_file() else ""
         row_of_link = r'(?s)(<tr class="(\w+)"><td><a href="([^"]*)">.*?</tr>)'
         rows = {link: (row, word) for row, word, link in re.findall(row_of_link, old)}
-        as_before = [rows.get(link) for link in links[: len(before)]] + [None] * len(pages)
-        entries = [
-            (page, link, *(known or ("", page.urgency)))
-            for page, link, known in zip(listed, links, as_before, strict=True)
-        ]
+        for number, (page, link) in enumerate(zip(listed, links, strict=True)):
+            if number >= len(before) or link not in rows:
+                rows[link] = ("", page.urgency)
+        entries = [(page, link, *rows[link]) for page, link in zip(listed, links, strict=True)]
         entries.sort(key=lambda entry: URGENCIES.index(entry[3]))
         # The index is first: missing pages, as after a kill, are noticed by the next run.
         written_page(index, "index", entries=entries, has_fleet=has_fleet)
@@ -289,10 +286,20 @@ def add_since(
         page.date = page.date or when(time, counter)
     if history is None and (units is None or times is None):
         return
-    earlier = _checked_history(history, units is not None, times is not None)
+    columns = ["decision", *["unit"] * (units is not None), *["time"] * (times is not None)]
+    history = pd.DataFrame(columns=columns) if history is None else history
+    missing = [name for name in columns if name not in getattr(history, "columns", ())]
+    if missing:
+        raise ValueError(
+            f"history must be a table of earlier results, as from score, with the columns "
+            f"{columns} as far as the new recordings have them; it has no {missing[0]!r}."
+        )
+    # Without times, the number of a result stands for its time.
+    earlier = history[columns].reset_index(drop=True).fillna({"decision": ""})
+    earlier = pd.DataFrame({"unit": "", "time": earlier.index}, dtype=object).assign(**earlier)
     made = ["" if page.kind == "error" else page.decision for page in pages]
-    columns = {"decision": made, "unit": units or "", "time": times or len(earlier)}
-    results = pd.concat([earlier, pd.DataFrame(columns, dtype=object)], ignore_index=True)
+    new = {"decision": made, "unit": units or "", "time": times or len(earlier)}
+    results = pd.concat([earlier, pd.DataFrame(new, dtype=object)], ignore_index=True)
     results["time"] = _as_times(results["time"].tolist())
     results = results.astype({"decision": str, "unit": str})
     for page, own in zip(pages, results[len(earlier) :].itertuples(), strict=True):
@@ -302,36 +309,18 @@ def add_since(
             page.since = _since(own.decision, before, None if times is None else counter)
 
 
-def _checked_history(history: Any, has_unit: bool, has_time: bool) -> pd.DataFrame:
-    """Return decision, unit and time of earlier results; without times, their number."""
-    columns = ["decision", *["unit"] * has_unit, *["time"] * has_time]
-    history = pd.DataFrame(columns=columns) if history is None else history
-    found = list(getattr(history, "columns", ()))
-    for name in columns:
-        if name not in found:
-            raise ValueError(
-                f"history must be a table of earlier results, as from score, with the columns "
-                f"{columns} as far as the new recordings have them; it has no {name!r} in {found}."
-            )
-    known = history[columns].reset_index(drop=True)
-    known["decision"] = known["decision"].astype(object).where(known["decision"].notna(), "")
-    return pd.DataFrame({"unit": "", "time": known.index}, dtype=object).assign(**known)
-
-
 def _as_times(values: list[Any]) -> list[Any]:
     """Return texts and dates as pandas Timestamps without a time zone; numbers are unchanged."""
-    numbers = [isinstance(value, int | float) for value in values]
-    if all(numbers):
+    numbers = [value for value in values if isinstance(value, int | float)]
+    if len(numbers) == len(values):
         return values
-    try:
-        if any(numbers):
-            raise ValueError("some are numbers")
-        return [pd.Timestamp(value).tz_localize(None) for value in values]
-    except (ValueError, TypeError) as error:
-        raise ValueError(
-            f"times of recordings and history must all be numbers, or all be dates such as "
-            f"'2024-05-01 22:10'; got {values[0]!r} ({error})."
-        ) from error
+    with suppress(ValueError, TypeError):
+        if not numbers:
+            return [pd.Timestamp(value).tz_localize(None) for value in values]
+    raise ValueError(
+        f"times of recordings and history must all be numbers, or all be dates such as "
+        f"'2024-05-01 22:10'; got {values[0]!r} and others."
+    )
 
 
 def _since(decision: str, earlier: pd.DataFrame, counter: str | None) -> str:

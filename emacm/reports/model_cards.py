@@ -6,6 +6,7 @@ import html
 import importlib.util
 import json
 import os
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ class ModelCard(dict[str, Any]):
 
     def facts(self) -> dict[str, str]:
         """Return what is stated in single sentences."""
-        evidence, rates = self.evidence, evidence_table(self.evidence, "rates")
+        evidence, folds = self.evidence, evidence_table(self.evidence, "rates").get("folds", {})
         texts = {
             "Model": f"{self['model']}: {', '.join(self['steps'])}".rstrip(": "),
             "Saved": self["saved"],
@@ -43,9 +44,7 @@ class ModelCard(dict[str, Any]):
             "Healthy state": self["healthy"],
             "Channels": ", ".join(self["channels"]),
             "Training files": f"{len(evidence['files'])} of known SHA-256" if evidence else None,
-            "Splits": "; ".join(
-                f"{row.Index}, {row.folds:g} folds" for row in rates.itertuples() if row.folds > 0
-            ),
+            "Splits": "; ".join(f"{name}, {n:g} folds" for name, n in folds.items() if n > 0),
             "Evidence": None if evidence else "none stored; emacm train stores it",
             "Versions": ", ".join(f"{name} {text}" for name, text in self["versions"].items()),
         }
@@ -53,19 +52,16 @@ class ModelCard(dict[str, Any]):
 
     def tables(self) -> dict[str, pd.DataFrame]:
         """Return tables of text by their titles, without those that would be empty."""
-        stated = {
-            name: evidence_table(self.evidence, name)
-            for name in ("states", "rates", "confusion", "left_out", "calibration")
-        }
+        stated = partial(evidence_table, self.evidence)
         tables = {
             "Costs (rows: decisions, columns: true states)": pd.DataFrame(
                 self["cost"], self["decisions"], self["truths"]
             ),
-            "Training recordings": stated["states"],
-            "Recordings held out (95 % intervals over whole units)": as_texts(stated["rates"]).T,
-            "Whole units held out, decisions (rows) and true states": stated["confusion"],
-            "Families of faults left out of training": as_texts(stated["left_out"]).T,
-            "Calibration, whole units held out": stated["calibration"].round(3),
+            "Training recordings": stated("states"),
+            "Recordings held out (95 % intervals over whole units)": as_texts(stated("rates")).T,
+            "Whole units held out, decisions (rows) and true states": stated("confusion"),
+            "Families of faults left out of training": as_texts(stated("left_out")).T,
+            "Calibration, whole units held out": stated("calibration").round(3),
             "Operating conditions of the training": self._ranges(),
         }
         return {title: table for title, table in tables.items() if len(table)}

@@ -11,18 +11,20 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.pipeline import Pipeline
+from numpy.typing import NDArray
 
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import fitted_resamplers, parts_of, search_estimator
+from emacm.decisions.risks import LeastRiskMixin
 from emacm.displays._tables import envelopes_of
-from emacm.explanations.deviations import class_deviations
+from emacm.explanations.deviations import class_deviations, second_state_statement
 from emacm.explanations.explain import explain_decision
 from emacm.machine.fault_lines import FaultLines
 from emacm.machine.fault_orders import fault_series
 from emacm.models.find_faults import find_faults
 from emacm.models.scoring import (
     measured_quality,
+    opened_classifier,
     parts_with_input,
     scored_rows,
     training_statements,
@@ -32,26 +34,19 @@ from emacm.orders.columns import parse_order_columns
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.names import unit_ratio
 from emacm.recordings.recording import Recording
-from emacm.reports.facts import Facts, channel_name, recording_facts, when
+from emacm.reports.facts import (
+    Facts,
+    channel_name,
+    confidence,
+    listed,
+    percent,
+    recording_facts,
+    when,
+)
 from emacm.reports.raised import LEAST, SIGMAS, Findings, Row, Spectra, find_raised
-from emacm.reports.verdicts import Verdict, verdict_on
 
-
-def order_spectra(model: Any, recording: Recording) -> Spectra:
-    """Return the spectra that the first `OrderPSD` of a fitted model computes of a recording.
-
-    Returns
-    -------
-    dict of str to (orders, power)
-        For each channel [U²/order, or U²]; empty if the model computes no order spectra.
-    """
-    for part, X in parts_with_input(model, [recording], OrderPSD):
-        power = np.asarray(part.transform(X))[0]
-        blocks = parse_order_columns(list(part.get_feature_names_out())) or ()
-        return {block.channel: (block.orders, power[block.columns]) for block in blocks}
-    return {}
-
-
+Source = Callable[[], Any]  # of a recording
+Further = Callable[[Any], dict[str, Any]] | None  # values of a recording for its row
 _AS_A_LIST = re.compile(r"^recording 0( \([^)]*\))?: ")  # how messages name the only recording
 
 
@@ -117,7 +112,7 @@ class Page:
     recording, model_facts : list of (str, str)
         Facts.
     spectra : mapping of channels to (orders, power)
-        Order spectra, to be drawn.
+        Order spectra of the first `OrderPSD` of the model [U²/order, or U²], to be drawn.
     deviations : DataFrame, optional
         What is drawn.
     findings : Findings, optional
@@ -184,12 +179,7 @@ class Page:
         return "Outside the range of the training"
 
 
-def page_of(
-    settings: Settings,
-    source: Callable[[], Any],
-    name: str,
-    facts: Callable[[Any], dict[str, Any]] | None = None,
-) -> Page:
+def page_of(settings: Settings, source: Source, name: str, facts: Further = None) -> Page:
     """Return the page of a recording that a function opens; an error is its content.
 
     Parameters
@@ -212,30 +202,115 @@ def page_of(
     if row["error"]:
         reason = _AS_A_LIST.sub("", row["error"])
         page = Page(name, "no decision", "error", [reason], True, model_facts=settings.facts)
-        page.row = row
-        page.recording = [("File", name)]
+        page.row, page.recording = row, [("File", name)]
         return page
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # what they say is on the page
         recording = source()
+        page = Page(name, str(row["decision"]), "other", row=row, model_facts=settings.facts)
         with collected_statements() as new_lines:
-            verdict = verdict_on(settings.model, recording, row, settings.healthy)
-        page = Page(name, str(verdict.decision), verdict.kind, sentences=verdict.sentences, row=row)
-        if settings.healthy is None and page.kind == "fault":
-            page.kind = "state"
-        page.recording, page.model_facts = recording_facts(recording, name), settings.facts
-        page.unit = str(recording.meta.get("unit", ""))
+            other = _add_decision(page, settings, recording)
+        page.recording = recording_facts(recording, name)
+        page.unit, page.units = str(recording.meta.get("unit", "")), recording.units
         start = getattr(recording, "start", None)  # of a file only
         page.date = "" if start is None else when(start)
-        page.units = recording.units
-        steps = [(str(k), part) for k, part in enumerate(parts_of(settings.model))]
-        page.envelopes = envelopes_of(Pipeline(steps)) if steps else {}
+        page.envelopes = envelopes_of(settings.model)
         if settings.actions is not None:
             page.action = settings.actions.get(page.decision, "none is given for this decision")
         _add_warnings(page, settings.model, recording, new_lines[0])
-        page.normal += verdict.normal
-        _add_findings(page, settings, recording, verdict)
+        _add_typicality(page)
+        _add_findings(page, settings, recording, other)
+        if settings.healthy is None and page.kind == "fault":
+            page.kind = "state"
     return page
+
+
+def _add_decision(
+    page: Page,
+    settings: Settings,
+    recording: Recording,
+    *,
+    named: float = 0.01,
+    most_named: int = 4,
+) -> Any:
+    """State the decision, how certain it is, and which other states are possible.
+
+    Returns
+    -------
+    label
+        The most probable known state that was not decided; None if there is none.
+    """
+    classifier, table = opened_classifier(settings.model, [recording])
+    names, truths, own = _truths(classifier, table, page.row["decision"])
+    decision, unknown = page.row["decision"], getattr(classifier, "unknown", None)
+    others = [k for k in np.argsort(-truths, kind="stable") if not own[k]]
+    probability = float(truths[own].sum())
+    if decision == unknown:
+        page.kind, states = "unknown", classifier.classes_.tolist()
+        page.sentences.append(
+            f"The recording is unlike all states that the model knows ({listed(states)}); the "
+            f"probability of an unknown state is {percent(probability)}. What it is must be found "
+            f"out at the machine."
+        )
+    elif decision == settings.healthy or own.any():
+        page.kind = "healthy" if decision == settings.healthy else "fault"
+        page.sentences.append(
+            f"Confidence: {confidence(probability)}. The probability of this state is "
+            f"{percent(probability)}."
+        )
+    else:
+        text = f"No state is certain enough: {page.decision!r} has the lowest expected cost."
+        page.sentences.append(text)
+    possible = [f"{names[k]} ({percent(truths[k])})" for k in others if truths[k] >= named]
+    if possible:
+        page.sentences.append(f"Possible too: {listed(possible[:most_named])}.")
+    if page.kind in ("healthy", "fault") and probability < max(truths[others], default=0.0):
+        text = "It was decided because the costs of the other decisions are higher."
+        page.sentences.append(text)
+    if getattr(classifier, "temperature", None) is None:
+        page.sentences.append(
+            "The probabilities were not calibrated on left-out recordings: they are usually too "
+            "close to certainty."
+        )
+    if hasattr(classifier, "second_states"):
+        (second,) = classifier.second_states(table, [decision])
+        if second is not None:
+            page.sentences.append(f"There are {second_state_statement(decision, second)}.")
+    known = [names[k] for k in others if names[k] not in (decision, unknown)]
+    return known[0] if known else None
+
+
+def _truths(
+    classifier: Any, table: Any, decision: Any
+) -> tuple[list[Any], NDArray[np.floating], NDArray[np.bool_]]:
+    """Return the true states, their probabilities, and for which of them a decision stands."""
+    names = decisions = classifier.classes_.tolist()
+    probabilities, cost = classifier.predict_proba(table), 1 - np.eye(len(names))
+    if isinstance(classifier, LeastRiskMixin):
+        probabilities = classifier.truth_proba(table, probabilities)
+        names, decisions = classifier.truths_.tolist(), classifier.decisions_.tolist()
+        cost = classifier.cost_
+    # A decision that is cheapest for several states, as a family is, stands for all of them.
+    covered = cost[decisions.index(decision)] <= cost.min(axis=0)
+    own = [
+        name == decision or (covers and name not in decisions)
+        for name, covers in zip(names, covered, strict=True)
+    ]
+    return names, probabilities[0], np.array(own)
+
+
+def _add_typicality(page: Page) -> None:
+    typicality = float(page.row["typicality"])
+    if typicality <= 0.01:  # 1 in 100
+        page.sentences.append(
+            "The recording is unusual: fewer than 1 in 100 training recordings are as far away "
+            "from the states of the model."
+        )
+    elif not np.isnan(typicality):
+        page.normal.append(
+            f"as typical as the training recordings ({percent(typicality)} of them differ from "
+            f"their state by as much or more)"
+        )
 
 
 def _add_warnings(page: Page, model: Any, recording: Recording, new_lines: Sequence[str]) -> None:
@@ -263,15 +338,18 @@ def _add_warnings(page: Page, model: Any, recording: Recording, new_lines: Seque
     page.first += [statement.text for statement in statements or ()] or new_lines
 
 
-def _add_findings(page: Page, settings: Settings, recording: Recording, verdict: Verdict) -> None:
+def _add_findings(page: Page, settings: Settings, recording: Recording, other: Any) -> None:
     """State which orders are raised, or why this is not known."""
     model, parts = settings.model, settings.parts
     if parts is None:
         known = [part.parts for part in parts_of(model) if isinstance(part, FaultLines)]
         parts = known[0] if known else None
     page.parts = parts
-    reference = settings.healthy if settings.healthy is not None else verdict.other
-    page.spectra = order_spectra(model, recording)
+    reference = settings.healthy if settings.healthy is not None else other
+    for part, X in list(parts_with_input(model, [recording], OrderPSD))[:1]:
+        power = np.asarray(part.transform(X))[0]
+        blocks = parse_order_columns(list(part.get_feature_names_out())) or ()
+        page.spectra = {block.channel: (block.orders, power[block.columns]) for block in blocks}
     background = settings.background
     try:
         explained = explain_decision(model, recording, background=background)
@@ -281,7 +359,7 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, verdict:
         page.notes.append(f"Which orders are raised is not known: {error}")
         return
     judged = lines_of_envelopes(page, parts, recording)
-    if verdict.kind == "fault" and parts is not None:  # nothing is normal against the decision
+    if page.kind == "fault" and parts is not None:  # nothing is normal against the decision
         judged = [fault.name for fault in fault_series(parts, 1)]
     found = find_raised(table, str(reference), parts, page.spectra, judged=judged)
     page.deviations, page.findings, page.reference = table, found, str(reference)

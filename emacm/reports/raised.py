@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from emacm.machine.fault_lines import LineLevels
 from emacm.machine.fault_orders import FaultSeries, fault_series
-from emacm.reports.facts import channel_name, decibels, listed, stated
+from emacm.reports.facts import channel_name, decibels, listed
 
 LEAST = 3.0  # dB above the mean of the healthy recordings
 SIGMAS = 4.0  # standard deviations of the healthy recordings: hundreds of bins are looked at
@@ -105,15 +106,14 @@ def find_raised(
     -------
     Findings
     """
-    table, common, gains = _without_gain(table.reset_index(drop=True))
-    table["raised"] = is_raised(table)
+    table, common, notes = _without_gain(table.reset_index(drop=True))
     series = () if parts is None else fault_series(parts, HARMONICS)
-    places = [(fault, name) for fault in series for name in table["channel"].unique()]
+    places = product(series, table["channel"].unique())
     known = list(filter(None, [_component(*place, table, spectra or {}) for place in places]))
     hit = [component for component in known if component.is_raised]
     hit.sort(key=lambda component: -component.lines["deviation"].mean())
+    # Beside a raised component, a raised column of another fault may be a line of the first one.
     few = [c for c in known if hit and not c.is_raised and c.lines["low"].isna().all()]
-    single = [c for c in few if c.lines["raised"].any()]  # beside a part that is raised
     rest = table.drop(index=[column for c in few for column in c.lines.index])
     rows = [*common, *(component.row for component in hit), *_other_rows(rest, hit, bool(series))]
     names = list(dict.fromkeys(component.fault.name for component in hit))
@@ -121,25 +121,23 @@ def find_raised(
     missing = [_label(fault) for fault in series if fault.name not in covered]
     silent = covered.difference(names, judged)
     quiet = [_label(fault) for fault in series if fault.name in silent]
+    normal = [f"no series of raised lines of {listed(quiet, 'or')}"] if quiet else []
     gained = [row.channel for row in common]
-    normal = stated((quiet, f"no series of raised lines of {listed(quiet, 'or')}"))
     normal += _normal_channels(table, reference, gained)
-    notes = (
-        gains
-        + _not_separated(hit)
-        + stated(
-            (
-                gained,
-                f"Other deviations in {listed(gained)} are relative to that of all its orders.",
-            ),
-            (
-                single,
-                f"Of {listed(_labels(single))}, single lines are raised: too few for a fault.",
-            ),
-            (missing, f"The model has no order bands at the orders of {listed(missing)}."),
-            (len(rows) > most, f"{len(rows) - most} more deviations are not listed."),
-        )
-    )
+    if gained:
+        relative = "are relative to that of all its orders."
+        notes.append(f"Other deviations in {listed(gained)} {relative}")
+    for one, other in combinations(hit, 2):
+        if one.fault != other.fault and set(one.lines.index) == set(other.lines.index):
+            both = listed([_label(one.fault), _label(other.fault)])
+            notes.append(f"The order bins of the model do not separate {both}.")
+    single = list(dict.fromkeys(_label(c.fault) for c in few if c.lines["raised"].any()))
+    if single:
+        notes.append(f"Of {listed(single)}, single lines are raised: too few for a fault.")
+    if missing:
+        notes.append(f"The model has no order bands at the orders of {listed(missing)}.")
+    if len(rows) > most:
+        notes.append(f"{len(rows) - most} more deviations are not listed.")
     sigmas = table["sigmas"].abs()[table["channel"] != ""].dropna()
     worst = "" if sigmas.empty else str(table["channel"][sigmas.idxmax()])
     return Findings(rows[:most], normal, notes, worst, names)
@@ -158,34 +156,28 @@ def _without_gain(
     """Subtract the deviation that the order bands of a channel have in common, and state it.
 
     It is their median, if it is at least `least` [dB] and at least a `share` of the bands deviate
-    to the same side; a row if it is large itself, else a sentence.
+    to the same side; a row if it is large itself, else a sentence. Adds the column "raised".
     """
-    rows, notes, table = [], [], table.assign(raised=is_raised(table))
+    rows, notes, table = [], [], table.copy()
     bands = table[(table["unit"] == "dB") & table[["low", "deviation"]].notna().all(axis=1)]
     for channel, own in bands.groupby("channel", sort=False):
-        gain = float(own["deviation"].median())
+        name, gain = channel_name(str(channel)), float(own["deviation"].median())
         same = own["deviation"] * gain > 0
-        most = abs(gain) >= LEAST and (same & own["raised"]).mean() > 0.5
-        if most or (abs(gain) >= least and same.mean() >= share):
-            rest = 1 - gain / own["deviation"]
-            table.loc[own.index, "deviation"] -= gain
-            table.loc[own.index, "sigmas"] *= rest
-            name = channel_name(str(channel))
-            if most:
-                rows.append(Row("all orders together", name, "all", decibels(gain)))
-            else:
-                size = f"All orders of {name} together are {decibels(gain)}"
-                notes.append(f"{size}; listed deviations are beyond that.")
-    return table, rows, notes
+        if abs(gain) >= LEAST and (same & is_raised(own)).mean() > 0.5:
+            rows.append(Row("all orders together", name, "all", decibels(gain)))
+        elif abs(gain) >= least and same.mean() >= share:
+            size = f"All orders of {name} together are {decibels(gain)}"
+            notes.append(f"{size}; listed deviations are beyond that.")
+        else:
+            continue
+        table.loc[own.index, "sigmas"] *= 1 - gain / own["deviation"]
+        table.loc[own.index, "deviation"] -= gain
+    return table.assign(raised=is_raised(table)), rows, notes
 
 
 def _label(fault: FaultSeries) -> str:
     """Return a fault in words: the component and the name of its order."""
     return fault.name if fault.kind in ("", "given") else f"{fault.kind} ({fault.name})"
-
-
-def _labels(components: Sequence[_Component]) -> list[str]:
-    return list(dict.fromkeys(_label(component.fault) for component in components))
 
 
 def _component(
@@ -218,27 +210,23 @@ def _column_at(order: float, slips: bool, own: pd.DataFrame) -> Any:
 
 
 def _above_background(
-    fault: FaultSeries,
-    orders: Sequence[float],
-    spectrum: Spectrum | None,
-    *,
-    height: float = 6.0,
-    background: float = 0.5,
+    fault: FaultSeries, orders: Sequence[float], spectrum: Spectrum | None
 ) -> bool:
     """Return whether most lines are above the local background; True if that is not known.
 
     The median over the lines is compared, so that one line of another fault is not enough. Noise
-    alone is 1 to 3 dB above the background, see FaultLines; `height` [dB], `background` [orders].
+    alone is 1 to 3 dB above the background within 0.5 orders, see FaultLines.
     """
     if spectrum is None:
         return True
     axis, power = spectrum
     fault = replace(fault, orders=tuple(order for order in orders if order < (1 - SLIP) * axis[-1]))
     try:
-        lines = LineLevels(axis, [fault], SLIP, background, without_shaft=True)
+        lines = LineLevels(axis, [fault], SLIP, 0.5, without_shaft=True)
     except (ValueError, IndexError):  # too coarse, or no line inside
         return True
-    return bool(np.median(lines.measure(power[np.newaxis].astype(np.float64))[2][0]) >= height)
+    _, _, (heights,) = lines.measure(power[np.newaxis].astype(np.float64))
+    return bool(np.median(heights) >= 6.0)  # dB
 
 
 def _other_rows(
@@ -248,15 +236,13 @@ def _other_rows(
 
     Leakage of a line into the next column is lower by at least `leakage` [dB].
     """
-    taken = table.loc[list({column for component in hit for column in component.lines.index})]
-    chosen = table[table["raised"] & ~table.index.isin(taken.index)]
-    # Beside a line of a component, a column may be raised by leakage only.
-    beside = chosen.reset_index().merge(taken, on="channel", suffixes=("", "_of_line"))
-    beside = beside[
-        (beside["low_of_line"] <= beside["high"]) & (beside["low"] <= beside["high_of_line"])
-    ]
-    leaks = beside["index"][beside["deviation"] <= beside["deviation_of_line"] - leakage]
-    chosen = chosen.drop(leaks.unique()).sort_values(["channel", "low"], kind="stable")
+    taken = {column for component in hit for column in component.lines.index}
+    chosen = table[table["raised"] & ~table.index.isin(taken)]
+    for line in table.loc[list(taken)].itertuples():
+        beside = (chosen["low"] <= line.high) & (line.low <= chosen["high"])
+        leaks = chosen["deviation"] <= line.deviation - leakage
+        chosen = chosen[~(beside & leaks & (chosen["channel"] == line.channel))]
+    chosen = chosen.sort_values(["channel", "low"], kind="stable")
     before = chosen.shift()
     joined = (
         (chosen["channel"] == before["channel"])
@@ -267,28 +253,14 @@ def _other_rows(
     for _, part in chosen.groupby((~joined).cumsum()):
         peak = part.loc[part["deviation"].abs().idxmax()]
         low, high = part["low"].min(), part["high"].max()
-        label = str(peak["column"]).rpartition("@")[2].rpartition("__")[2]
-        orders = label.partition(":")[2] or label
-        if np.isfinite(low) and re.fullmatch(r"[0-9.e+-]+", label):
+        component, orders = "–", re.split("@|__|:", str(peak["column"]))[-1]
+        if np.isfinite(low):
+            component = "no known part" if with_parts else "–"
             orders = f"{low:g} to {high:g}" if high > low else f"{low:g}"
-        component = "no known part" if with_parts and np.isfinite(low) else "–"
         size = decibels(peak["deviation"], peak["unit"])
         row = Row(component, channel_name(peak["channel"]) or "–", orders, size)
         rows.append((abs(peak["sigmas"]), row))
     return [row for _, row in sorted(rows, key=lambda pair: -pair[0])]
-
-
-def _not_separated(hit: Sequence[_Component]) -> list[str]:
-    """Name components whose raised lines are in the same columns."""
-    by_columns: dict[Any, dict[str, None]] = {}
-    for component in hit:
-        labels = by_columns.setdefault(frozenset(component.lines.index), {})
-        labels[_label(component.fault)] = None
-    return [
-        f"The order bins of the model do not separate {listed(list(labels))}."
-        for labels in by_columns.values()
-        if len(labels) > 1
-    ]
 
 
 def _normal_channels(table: pd.DataFrame, reference: str, others: Sequence[str]) -> list[str]:

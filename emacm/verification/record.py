@@ -1,24 +1,34 @@
-"""All known answers computed on this computer, as a table with versions and digests."""
+"""Known answers, or the evaluation of a model, computed again, as a table with versions."""
 
 from __future__ import annotations
 
 import json
+import os
 import platform
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from hashlib import sha256
 from inspect import getmembers, isfunction
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from sklearn.base import clone
 
 from emacm._saved import installed_versions
+from emacm.decisions.pipelines import groups_options
+from emacm.evaluation.evaluate import evaluate
+from emacm.files.folder import RecordingFolder
+from emacm.models.evidence import evidence_table, training_evidence
+from emacm.models.model_files import load_model, model_description
+from emacm.recordings.meta import read_meta
 from emacm.reports.written_pages import plain_page
-from emacm.verification import decisions, monitoring, signals
+from emacm.verification import decisions, signals
 
 Check = Callable[[], dict[str, float]]
+Row = tuple[str, float, float, float]
 
 
 @dataclass(frozen=True, repr=False)
@@ -45,11 +55,11 @@ class Verification:
     @classmethod
     def of(cls, table: pd.DataFrame, notes: Iterable[str], start: float) -> Verification:
         """Compare the columns "expected" and "computed"; `start` is a time of `perf_counter`."""
-        difference = table["computed"] - table["expected"]
-        passed = difference.abs() <= table["tolerance"]
-        order = ["what", "source", "expected", "computed", "difference", "tolerance", "passed"]
-        compared = table.assign(difference=difference, passed=passed)[order]
-        return cls(compared, tuple(notes), perf_counter() - start)
+        table = table[["what", "source", "expected", "computed"]].assign(
+            difference=table["computed"] - table["expected"], tolerance=table["tolerance"]
+        )
+        passed = table["difference"].abs() <= table["tolerance"]
+        return cls(table.assign(passed=passed), tuple(notes), perf_counter() - start)
 
     @property
     def passed(self) -> bool:
@@ -63,15 +73,15 @@ class Verification:
         return "; ".join([f"{passed} in {self.seconds:.1f} s", *self.notes])
 
     def facts(self) -> dict[str, str]:
-        """Return versions, computer and digests.
+        """Return versions, computer and digest.
 
         Returns
         -------
         dict of str to str
-            "code" is the SHA-256 of all modules of emacm; "digest" that of table and facts: a copy
-            of the record in which a figure was changed does not have it.
+            "digest" is the SHA-256 of table and facts: a copy of the record in which a figure was
+            changed does not have it.
         """
-        facts = installed_versions() | {"computer": platform.platform(), "code": _code_digest()}
+        facts = installed_versions() | {"computer": platform.platform()}
         stated = json.dumps(facts) + self.table.to_json()
         return facts | {"digest": sha256(stated.encode()).hexdigest()}
 
@@ -92,10 +102,7 @@ class Verification:
 
     def _as_text(self) -> pd.DataFrame:
         digits = {"expected": 6, "computed": 6, "difference": 2, "tolerance": 2}
-        numbers = {
-            name: [f"{value:.{n_digits}g}" for value in self.table[name]]
-            for name, n_digits in digits.items()
-        }
+        numbers = {name: self.table[name].map(f"{{:.{n}g}}".format) for name, n in digits.items()}
         texts = self.table[["what", "source"]].apply(lambda x: x.str.ljust(x.str.len().max()))
         passed = self.table["passed"].map({True: "yes", False: "NO"})
         return self.table.assign(**numbers, **texts, passed=passed)
@@ -124,7 +131,7 @@ def checks() -> dict[str, Check]:
     """Return the functions that compute the values, by name."""
     return {
         name: check
-        for module in (signals, decisions, monitoring)
+        for module in (signals, decisions)
         for name, check in getmembers(module, isfunction)
         if check.__module__ == module.__name__ and not name.startswith("_")
     }
@@ -165,9 +172,78 @@ def verify(answers: pd.DataFrame | None = None) -> Verification:
     return Verification.of(answers.assign(computed=computed), notes, start)
 
 
-def _code_digest() -> str:
-    """Return the SHA-256 of all modules of the package."""
-    folder, digest = Path(__file__).parents[1], sha256()
-    for path in sorted(folder.rglob("*.py")):
-        digest.update(f"{path.relative_to(folder).as_posix()}\n".encode() + path.read_bytes())
-    return digest.hexdigest()
+def verify_model(path: str | os.PathLike[str], recordings: RecordingFolder) -> Verification:
+    """Compute the evidence of a model file again, and compare.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file of ``emacm train``.
+    recordings : RecordingFolder
+        The training recordings.
+
+    Returns
+    -------
+    Verification
+        Files by their SHA-256, recordings and units of each state, all figures of merit, and the
+        posteriors of a model that is fitted again.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the file holds no evidence, or none of files.
+
+    Notes
+    -----
+    Versions of scikit-learn divide units into folds differently if there are more units than
+    folds. Figures of merit are those of the file only under the versions that it states.
+    """
+    start, about = perf_counter(), model_description(path)
+    stated = about.get("evidence") or {}
+    if not stated.get("files"):
+        raise ValueError(
+            f"model {path}: it states no training files. Train it by emacm train, from files."
+        )
+    model = load_model(path)
+    labels = read_meta(recordings, stated["labels"], role="--labels")
+    groups = read_meta(recordings, stated["groups"], role="--groups")
+    found = evaluate(clone(model), recordings, labels, units=groups, healthy=about["healthy"])
+    again = training_evidence(
+        found,
+        labels,
+        groups,
+        keys=(stated["labels"], stated["groups"]),
+        recordings=recordings,
+        model=model,
+    )
+    refit = clone(model).fit(recordings, labels, **groups_options(model, groups))
+    posteriors = refit.predict_proba(recordings) - model.predict_proba(recordings)
+    rows = [*_files(stated["files"], again["files"]), *_figures(stated, again)]
+    rows.append(("posteriors of the model, fitted again", 0, np.abs(posteriors).max(), 1e-6))
+    table = pd.DataFrame(rows, columns=["what", "expected", "computed", "tolerance"])
+    here = installed_versions()
+    other = [f"{name} {v}" for name, v in about["versions"].items() if here.get(name) != v]
+    notes = [f"trained under {', '.join(other)}, which may divide units into other folds"]
+    source = f"saved {about['saved']}"
+    return Verification.of(table.assign(source=source), notes if other else (), start)
+
+
+def _files(stated: dict[str, str], found: dict[str, str]) -> Iterator[Row]:
+    changed = sum(stated[name] != found[name] for name in stated.keys() & found.keys())
+    yield "files with another content", 0, changed, 0
+    yield "files that are missing", 0, len(stated.keys() - found.keys()), 0
+    yield "files that were added", 0, len(found.keys() - stated.keys()), 0
+
+
+def _figures(stated: dict[str, Any], found: dict[str, Any]) -> Iterator[Row]:
+    """Yield the counts of each state, and the figures of each split and family left out."""
+    for table in ("states", "rates", "left_out"):
+        before, now = (evidence_table(each, table) for each in (stated, found))
+        for case, row in before.select_dtypes("number").iterrows():
+            for name, value in row.dropna().items():
+                computed = now.get(name, {}).get(case, np.nan)
+                yield f"{name.replace('_', ' ')}, {before.index.name} {case}", value, computed, 1e-6
+        for case in now.index.difference(before.index):
+            yield f"{now.index.name} {case}, which the file does not state", 0, 1, 0

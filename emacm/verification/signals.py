@@ -37,15 +37,6 @@ def run_up() -> dict[str, float]:
     }
 
 
-def speed_variation() -> dict[str, float]:
-    """Resample a tone that is locked to a shaft whose speed varies by half a percent."""
-    time = np.arange(100_000) / 10_000
-    angle = 2 * np.pi * 20 * time + (1 - np.cos(0.6 * np.pi * time)) / 3
-    recording = Recording({"x": 3 * np.sin(27 * angle)}, 10_000, angle=angle)
-    orders, spectrum = _spectrum(recording)
-    return {"order": orders[spectrum.argmax()], "power": spectrum.max()}
-
-
 def reversals() -> dict[str, float]:
     """Cut a motion forth and back into strokes, with a line in the forward ones only."""
     time = np.arange(30_000) / 10_000
@@ -72,16 +63,9 @@ def aliasing() -> dict[str, float]:
     return {name: 10 ** (level / 20) for name, level in levels.items()}
 
 
-def interpolation() -> dict[str, float]:
-    """Interpolate at four samples per cycle; the loss is the transform of the kernel."""
-    kinds = ("linear", "cubic")
-    return {
-        kind: _level(50, 4000, 20.0, 128, antialias=False, interpolation=kind) for kind in kinds
-    }
-
-
-def noise_floor(*, fs: int = 48_000, speed: float = 47.3) -> dict[str, float]:
-    """Resample white noise at `speed` revolutions per second."""
+def noise_floor() -> dict[str, float]:
+    """Resample white noise."""
+    fs, speed = 48_000, 47.3  # revolutions per second
     noise = np.random.default_rng(0).standard_normal(4 * fs)
     recording = Recording({"x": noise}, fs, velocity=2 * np.pi * speed)
     found = {}
@@ -112,16 +96,6 @@ def _spectrum(
     psd = OrderPSD(8, scaling=scaling)
     (spectrum,) = psd.fit_transform(OrderResampler(**resampling).fit_transform([recording]))
     return psd.orders_, spectrum
-
-
-def sine_of_the_thesis() -> dict[str, float]:
-    """Read the spectrum of 40 Hz at 640 Hz, 32 samples, Fig. 2.5 of the thesis."""
-    sine = np.sin(2 * np.pi * 40 * np.arange(32) / 640)
-    options: dict[str, Any] = {"n_per_segment": 32, "window": "boxcar"}
-    hertz, psd = order_psd(sine, 640, **options)  # samples per second: hertz in place of orders
-    lines, power = order_psd(sine, 1, scaling="spectrum", **options)
-    found = {"frequency": hertz[psd.argmax()], "density": psd.max()}
-    return found | {"normalised": lines[power.argmax()], "power": power.max()}
 
 
 def welchs_method() -> dict[str, float]:

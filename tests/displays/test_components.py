@@ -57,13 +57,6 @@ def test_the_loadings_are_steps_by_channel_with_the_names_of_the_bins(pipeline):
     assert panels[1].get_xlabel() == "order [cycles per revolution]"
 
 
-def test_the_loadings_of_one_channel_are_signed_bars():
-    (ax,) = axes()
-    LoadingsDisplay(["a@0-1", "a@3-5"], [[0.6, -0.8]]).plot(ax=ax)
-    bars = [(bar.get_x(), bar.get_width(), bar.get_height()) for bar in ax.patches]
-    assert bars == [(0, 1, 0.6), (3, 2, -0.8)]
-
-
 def test_missing_column_names_are_an_error_with_a_remedy():
     with pytest.raises(AttributeError, match="get_feature_names_out"):
         LoadingsDisplay.from_estimator(fitted(FunctionTransformer(np.log10)))

@@ -52,18 +52,3 @@ def test_forward_and_reverse_strokes_are_shaded():
     assert hatches[0] == hatches[2] != hatches[1]
     legend = [text.get_text() for text in panels[0].get_legend().get_texts()]
     assert legend == ["forward stroke", "reverse stroke"]
-
-
-def test_a_long_signal_keeps_its_shocks():
-    signal = np.sin(np.arange(300_001) / 50)
-    signal[123_456], signal[300_000] = 40.0, -30.0
-    run = Recording({"vibration": signal}, 48_000, velocity=np.ones(300_001))
-    panels = axes(2)
-    display = RecordingDisplay.from_recording(run, ax=panels)
-    drawn = panels[0].lines[0]
-    assert len(drawn.get_ydata()) < 30_000
-    assert drawn.get_ydata().max() == 40.0
-    assert drawn.get_xdata()[drawn.get_ydata().argmax()] == 123_456 / 48_000
-    assert drawn.get_ydata().min() == -30.0
-    assert np.all(np.diff(drawn.get_xdata()) >= 0)
-    assert len(display.frame().loc["vibration"]) == len(signal)

@@ -42,7 +42,7 @@ def test_areas_are_those_of_scikit_learn_and_stand_in_the_legend(ax):
         expected = roc_auc_score(part["is_unknown"], -part["typicality"])
         assert display.areas()[family] == pytest.approx(expected)
     names = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert names[:2] == ["worn: AUROC 0.750 (0.400 to 0.900)", "dry: AUROC 0.500"]
+    assert names[:2] == ["dry: AUROC 0.500", "worn: AUROC 0.750 (0.400 to 0.900)"]
 
 
 @pytest.mark.slow

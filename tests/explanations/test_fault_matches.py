@@ -28,7 +28,8 @@ def test_a_fault_order_is_matched_within_its_slip():
 
 def test_the_nearest_of_several_orders_in_a_bin_is_named_and_all_are_counted():
     table = explained([6.0, 12.0], [0.6, 0.4])
-    matched = match_fault_orders(table, {"supply": 6.0, "BPFI": 6.4}, slip=0.0, harmonics=2)
+    orders = fault_orders({"supply": 6.0, "BPFI": 6.4}, harmonics=2)
+    matched = match_fault_orders(table, orders, slip=0.0)
     assert matched["fault"].tolist() == ["BPFI", "2xBPFI"]
     assert matched["n_faults"].tolist() == [2, 2]
 
@@ -43,6 +44,5 @@ def test_an_invalid_explanation_or_order_is_refused():
     table = explained([6.0], [1.0])
     with pytest.raises(ValueError, match="no column 'share'"):
         match_fault_orders(table.drop(columns="share"), {"BPFI": 6.1})
-    for options in ({"slip": 1.0}, {"harmonics": 0}):
-        with pytest.raises(ValueError, match=next(iter(options))):
-            match_fault_orders(table, {"BPFI": 6.1}, **options)
+    with pytest.raises(ValueError, match="slip"):
+        match_fault_orders(table, {"BPFI": 6.1}, slip=1.0)

@@ -86,14 +86,6 @@ def statements(model, recording):
     return explained(model, recording).attrs["statements"]
 
 
-def swapped(signals):
-    return {"vibration": signals["current"], "current": signals["vibration"]}
-
-
-def off(signals):
-    return signals | {"current": 0.01 * signals["vibration"][::-1]}
-
-
 def low_pass(signals):
     spectrum = np.fft.rfft(signals["vibration"])
     spectrum[np.fft.rfftfreq(N, 1 / FS) > 8.5 * SPEED / (2 * np.pi)] *= 0.2
@@ -106,8 +98,6 @@ def low_pass(signals):
         ({"gain": dict.fromkeys(FIRST, 1000)}, "all channels 60 dB above training: gain or unit"),
         ({"gain": dict.fromkeys(FIRST, 0.2)}, "all channels 14 dB below training: gain or unit"),
         ({"gain": {"current": 3.0}}, "channel 'current' (9|10) dB above training at all orders"),
-        ({"change": swapped}, "channels 'vibration' and 'current' as if exchanged"),
-        ({"change": off}, "channel 'current' [0-9]+ dB below training: cable or sensor"),
         ({"noise": 2.0}, "of its order bins: broad band"),
         ({"change": low_pass}, "^orders 9 to 12 of 'vibration' 1.* dB below the training minimum"),
     ],
