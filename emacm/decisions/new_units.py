@@ -17,7 +17,6 @@ from emacm._checks import check_number, group_codes
 from emacm.calibration.left_out import grouped_quantile
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.gaussians import class_gaussians, class_moments, shrinkage_coefficients
-from emacm.decisions.left_out_calibration import Training
 from emacm.decisions.unit_effects import UnitLevels, fit_unit_levels
 
 Array = NDArray[np.float64]
@@ -212,7 +211,7 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         coverage = check_number(coverage, "coverage", above=0, below=1)
         posterior = self.predict_proba(X)
         self._unit()
-        left: Any = self._calibration.left_out
+        left = self._calibrated("left_out")
         judged = left.judged
         self._warn_of_shift(X, groups, left.typicality[judged], left.units[judged])
         threshold = probability_threshold(
@@ -265,17 +264,17 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         shrinkage = shrinkage_coefficients(moments, self.shrinkage, (X, codes))
         return fit_unit_levels(X, codes, units, plain, *shrinkage)
 
-    def _judge(self, training: Training, others: Indices, rows: Indices) -> Array:
-        """Return log densities of classes estimated without the units of some recordings."""
+    def _judge(
+        self, X: Array, codes: Indices, units: Indices, weight: Array, X_left: Array
+    ) -> Array:
+        """Return log densities of classes estimated without the units of left-out recordings."""
         if self._without_units:
-            return super()._judge(training, others, rows)
-        X, codes, units = training[:3]
-        logs = np.full((len(rows), len(self.classes_)), -np.inf)
-        known, numbers = np.unique(codes[others], return_inverse=True)
-        remaining = np.unique(units[others], return_inverse=True)[1]
+            return super()._judge(X, codes, units, weight, X_left)
+        logs = np.full((len(X_left), len(self.classes_)), -np.inf)
+        known, numbers = np.unique(codes, return_inverse=True)
         with suppress(ValueError):  # too few units remain
-            levels = self._estimated(X[others], numbers, remaining)
-            logs[:, known] = levels.gaussians().log_densities(X[rows])
+            levels = self._estimated(X, numbers, np.unique(units, return_inverse=True)[1])
+            logs[:, known] = levels.gaussians().log_densities(X_left)
         return logs
 
 

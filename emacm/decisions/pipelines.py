@@ -14,28 +14,6 @@ from sklearn.utils.validation import has_fit_parameter
 from emacm.recordings.meta import chosen_rows
 from emacm.resampling.order_resampler import OrderResampler
 
-Array = NDArray[np.float64]
-
-
-def log_likelihoods(log_posterior: Array, priors: Array) -> Array:
-    """Divide posteriors by the priors within them, but for a constant of each recording.
-
-    Parameters
-    ----------
-    log_posterior : ndarray of shape (n_recordings, n_classes)
-        -inf, as some classifiers return, is replaced by the logarithm of 1e-15.
-    priors : ndarray of shape (n_classes,)
-        Prior within the posterior; the result for a class of prior 0 is -inf.
-
-    Returns
-    -------
-    ndarray of shape (n_recordings, n_classes)
-    """
-    with np.errstate(divide="ignore"):
-        logs = np.where(np.isneginf(log_posterior), np.log(1e-15), log_posterior)
-        logs = logs - np.log(priors)
-    return np.where(priors > 0, logs, -np.inf)
-
 
 def parameters_of_rows(
     parameters: Mapping[str, Any], rows: NDArray[np.intp], n_recordings: int

@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._checks import located
 from emacm._saved import SavedEstimator
 from emacm.decisions.least_risk import LeastRiskClassifier
-from emacm.decisions.pipelines import groups_are_units, uses_groups
+from emacm.decisions.pipelines import groups_are_units, groups_options, uses_groups
 from emacm.decisions.risks import LeastRiskMixin, pooled_log_posterior
 from emacm.decisions.truths import check_possible, class_priors
 
@@ -124,8 +124,8 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         fitted = {}
         for name, member in self._checked_members().items():
             with located(f"member {name!r}"):
-                known = groups if uses_groups(member) else None
-                fitted[name] = LeastRiskClassifier(member).fit(X, y, sample_weight, known)
+                options = groups_options(member, groups)
+                fitted[name] = LeastRiskClassifier(member).fit(X, y, sample_weight, **options)
         self._members = fitted
         self.classes_ = next(iter(fitted.values())).classes_
         self.named_estimators_ = Bunch(**{name: m.estimator_ for name, m in fitted.items()})
