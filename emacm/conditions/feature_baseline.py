@@ -32,9 +32,8 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
     condition : hashable, tuple or callable, default="load"
         Key of the recordings' `meta` ("load", "unit"), a tuple of keys, or a function of the
         recording.
-    healthy : label, collection of labels, mapping or callable, default="normal"
-        Healthy recordings: those with these labels in `y`, or with these values in
-        `meta` ({key: value or list of values}), or those for which a function returns True.
+    healthy : label, or collection of labels, default="normal"
+        Healthy recordings: those with these labels in `y`.
     baseline_recordings : list of Recording, optional
         Further healthy recordings, for example of commissioning, used in addition to those in
         X. A condition without healthy recordings in X gets its baseline from them.
@@ -63,8 +62,8 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
     Healthy recordings used in training are part of their own mean: their difference from it is
     smaller than that of new ones, by the factor 1 - 1/n_healthy.
 
-    `fit` warns if there is only one condition, since a constant shift changes no decision of a
-    Gaussian classifier; and if at least 3 recordings of a condition differ from its healthy means
+    With only one condition, it is a constant shift, which changes no decision of a Gaussian
+    classifier. `fit` warns if at least 3 recordings of a condition differ from its healthy means
     by more than 10 times their scatter, in the median over the features (assumed), as they do if
     healthy recordings were measured differently.
 
@@ -100,8 +99,8 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         ----------
         X : list of Recording, or other input of the transformer with `meta`
             Recordings.
-        y : array-like of shape (n_recordings,), optional
-            Labels; needed if `healthy` is a label.
+        y : array-like of shape (n_recordings,)
+            Labels.
 
         Returns
         -------
@@ -148,8 +147,8 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         ----------
         X : list of Recording, or other input of the transformer with `meta`
             Recordings.
-        y : array-like of shape (n_recordings,), optional
-            Labels; needed if `healthy` is a label.
+        y : array-like of shape (n_recordings,)
+            Labels.
 
         Returns
         -------
@@ -212,15 +211,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         return table
 
     def _report_effect(self, X: Any, values: NDArray[np.float64]) -> None:
-        """Warn if the baseline has no effect, or shifts the features more than they scatter."""
-        if len(self.conditions_) == 1:
-            warnings.warn(
-                f"all recordings have the same condition, {self.conditions_[0]!r}, so the same "
-                f"means are subtracted from all of them. This changes no decision of a Gaussian "
-                f"classifier, nor of any other that does not depend on the origin of the "
-                f"features. Leave FeatureBaseline out, or choose a condition that varies.",
-                stacklevel=4,
-            )
+        """Warn if the baseline shifts the features much more than they scatter."""
         found = self._known_conditions(X)
         for condition, mean in self.means_.items():
             own = values[[entry == condition for entry in found]]

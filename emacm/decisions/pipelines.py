@@ -25,25 +25,12 @@ def parameters_of_rows(
     >>> parameters_of_rows({"sample_weight": [1, 2, 3], "classes": ["a", "b"]}, np.array([2]), 3)
     {'sample_weight': [3], 'classes': ['a', 'b']}
     """
-    values = {name: as_rows(value) for name, value in parameters.items()}
     per_recording = {
         name: chosen_rows(value, rows)
-        for name, value in values.items()
+        for name, value in parameters.items()
         if hasattr(value, "__len__") and type(value) is not str and len(value) == n_recordings
     }
-    return values | per_recording
-
-
-def as_rows(values: Any) -> Any:
-    """Convert objects that are only convertible to arrays; return all others unchanged.
-
-    Examples
-    --------
-    >>> as_rows("any"), as_rows([1, 2])
-    ('any', [1, 2])
-    """
-    only = hasattr(values, "__array__") and not hasattr(values, "iloc")
-    return np.asarray(values) if only else values
+    return {**parameters, **per_recording}
 
 
 def final_estimator(estimator: Any) -> Any:

@@ -151,27 +151,6 @@ def check_classes(y: Any) -> None:
             )
 
 
-def numbered_hint(known: Sequence[Any], named: Sequence[Any]) -> str:
-    """Return a hint if classes are numbers where the user gave names; otherwise "".
-
-    Examples
-    --------
-    >>> numbered_hint([0, 1], ["worn"])[:38]
-    ' Some meta-estimators of scikit-learn '
-    >>> numbered_hint(["healthy", "worn"], ["wron"])
-    ''
-    """
-    if list(known) != list(range(len(known))) or not any(isinstance(k, str) for k in named):
-        return ""
-    return (
-        " Some meta-estimators of scikit-learn replace the classes by numbers before they fit "
-        "(StackingClassifier, VotingClassifier, cross_val_predict of probabilities). They use "
-        "posterior probabilities, which do not depend on the cost: omit the cost there, give "
-        "priors in the order of the classes, and wrap the result: "
-        "LeastRiskClassifier(estimator, cost=...)."
-    )
-
-
 def class_priors(
     priors: Any, classes: NDArray[Any], counts: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -222,7 +201,6 @@ def class_priors(
             raise ValueError(
                 f"priors must name every class of {known} and no other; unknown: {unknown}, "
                 f"missing: {[label for label in known if label not in named]}."
-                f"{numbered_hint(known, unknown)}"
             )
         priors = [named[label] for label in known]
     values = check_real_array(priors, "priors").astype(np.float64)

@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from emacm.calibration.left_out import (
     Peaks,
@@ -336,13 +336,7 @@ def positive(typicality: Array) -> Array:
     return np.maximum(typicality, np.finfo(np.float64).tiny)
 
 
-def fit_typicality(
-    X: Array,
-    codes: Indices,
-    groups: ArrayLike,
-    weight: Array,
-    settings: TypicalitySettings | None = None,
-) -> Typicality:
+def fit_typicality(X: Array, codes: Indices, units: Indices, weight: Array) -> Typicality:
     """Calibrate the distances to the classes on left-out groups.
 
     Parameters
@@ -351,12 +345,10 @@ def fit_typicality(
         Features.
     codes : ndarray of int, shape (n_recordings,)
         Number of the class of each recording.
-    groups : array-like of shape (n_recordings,)
-        As for `emacm.calibration.left_out.left_out`.
+    units : ndarray of int, shape (n_recordings,)
+        Number of the group of each recording.
     weight : ndarray of shape (n_recordings,)
         Number of times each recording is counted, positive.
-    settings : TypicalitySettings, optional
-        Constants.
 
     Returns
     -------
@@ -367,13 +359,12 @@ def fit_typicality(
     ValueError
         If no class has recordings in two groups, so that none can be left out.
     """
-    settings = TypicalitySettings() if settings is None else settings
-    n_classes, units = int(codes.max()) + 1, np.asarray(groups)
+    settings, n_classes = TypicalitySettings(), int(codes.max()) + 1
     distances = _fit_distances(X, codes, units, weight, settings)
     inside = np.full((n_classes, len(X)), np.inf)
     outside, largest, beyond = np.zeros((3, len(X)))
     judged = np.zeros(len(X), dtype=bool)
-    for others, rows in left_out(codes, groups):
+    for others, rows in left_out(codes, units):
         seen, renumbered = np.unique(codes[others], return_inverse=True)
         if len(others) <= len(seen):  # no variance within classes
             continue

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from emacm._checks import check_count
-from emacm.decisions.costs import stated_cost, stated_truths
+from emacm.decisions.costs import stated_costs
 from emacm.evaluation.bootstrap import GroupBootstrap
 from emacm.evaluation.caveats import single_unit_labels
 from emacm.evaluation.held_out import all_schemes, decide_held_out, read_groupings
@@ -157,9 +157,7 @@ def evaluate(
             raise TypeError(f"estimator must be a classifier with {method}, got {estimator!r}.")
     classes = checked_classes(y, X)
     check_count(n_splits, "n_splits", at_least=2)
-    unknown, priors = stated_truths(estimator)
-    stated = {"healthy": healthy, "cost": stated_cost(estimator)}
-    stated |= {"unknown": unknown, "priors": priors}
+    stated = {"healthy": healthy, **stated_costs(estimator)}
     rule = scoring_rule(np.unique(classes), **stated)
     labels = [rule.family_of[label] for label in classes.tolist()]
     groupings = read_groupings(X, runs, units, conditions)

@@ -92,7 +92,7 @@ def random_folds(y: NDArray[Any], n_splits: int) -> list[Fold]:
 
 
 def group_folds(
-    y: NDArray[Any], labels: Sequence[Any], grouping: Grouping, n_splits: float, seed: Any = 0
+    y: NDArray[Any], labels: Sequence[Any], grouping: Grouping, n_splits: float
 ) -> list[Fold]:
     """Hold out whole groups: one at a time, or several if there are more than `n_splits`.
 
@@ -106,8 +106,6 @@ def group_folds(
         The groups.
     n_splits : int
         Largest number of folds; infinite: one for each group.
-    seed : int or None
-        Seed of the choice of groups.
 
     Returns
     -------
@@ -118,7 +116,7 @@ def group_folds(
     if len(groups) < 2:
         return []
     if len(groups) > n_splits and most > 1:
-        cv = StratifiedGroupKFold(min(int(n_splits), most), shuffle=True, random_state=seed)
+        cv = StratifiedGroupKFold(min(int(n_splits), most), shuffle=True, random_state=0)
         folds = _named_folds(cv, y, grouping)
         # With one group at a time, a label of two groups is always in the training data.
         if not why_impossible(folds, labels):

@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_count
-from emacm.decisions.costs import stated_cost, stated_truths
+from emacm.decisions.costs import stated_costs
 from emacm.evaluation.bootstrap import GroupBootstrap, Tally
 from emacm.evaluation.figures import probability_columns
 from emacm.evaluation.held_out import (
@@ -117,16 +117,12 @@ def evaluate_unknown(
     >>> found.table["auroc"].round(1).to_dict()
     {'dry': 1.0, 'worn': 1.0}
     """
-    unknown, priors = stated_truths(estimator)
-    if unknown is None:
-        raise ValueError(
-            "estimator has no unknown state, so that it assigns any state to a known one. Set "
-            "unknown= of CostSensitiveGaussianBayes."
-        )
+    stated = stated_costs(estimator)
+    if stated["unknown"] is None:
+        raise ValueError("estimator has no unknown state: set unknown= of the classifier.")
     classes = checked_classes(y, X)
     check_count(n_splits, "n_splits", at_least=2)
-    stated = {"families": families, "healthy": healthy, "cost": stated_cost(estimator)}
-    rule = scoring_rule(np.unique(classes), unknown=unknown, priors=priors, **stated)
+    rule = scoring_rule(np.unique(classes), families=families, healthy=healthy, **stated)
     labels = [rule.family_of[label] for label in classes.tolist()]
     groupings = read_groupings(X, runs, units)
     possible = [

@@ -155,7 +155,7 @@ def actuator_recipe(
         a machine is reassembled. If False, phases are relative to the 1x component of forward
         strokes, and no feature depends on the mounting angle of a part (except through
         incomplete revolutions at the ends of strokes).
-    healthy : label, collection of labels, mapping or callable, optional
+    healthy : label, or collection of labels, optional
         Healthy recordings, as for `SignalBaseline`. All features except the 1x component are then
         computed from the residual signal: the mean healthy signal of the same condition is
         subtracted at each shaft angle. It needs at least two healthy recordings of each condition,
