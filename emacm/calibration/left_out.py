@@ -405,8 +405,7 @@ def grouped_quantile(
     if n_groups < groups_needed(coverage):
         raise ValueError(
             f"{n_groups} {name} cannot support a coverage of {coverage:g}, which takes at least "
-            f"{groups_needed(coverage)}; {n_groups} {name} support at most "
-            f"{n_groups / (n_groups + 1):.3g}. Fit with more {name}, or give a smaller coverage."
+            f"{groups_needed(coverage)}; they support at most {n_groups / (n_groups + 1):.3g}."
         )
     shares = 1 / np.bincount(numbers)[numbers]
     if weight is not None:

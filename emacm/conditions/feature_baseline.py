@@ -223,9 +223,8 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
                 warnings.warn(
                     f"condition {condition!r}: the features of its {len(own)} recordings differ "
                     f"from the healthy means by {np.median(ratios):.3g} times their scatter "
-                    f"(median over the features). Healthy and other recordings may have been "
-                    f"measured differently: compare sensors, filters, gain and speed, or leave "
-                    f"FeatureBaseline out.",
+                    f"(median over the features). They may have been measured differently: compare "
+                    f"sensors, filters, gain and speed.",
                     stacklevel=4,
                 )
 

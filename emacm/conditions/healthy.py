@@ -83,8 +83,7 @@ class ConditionBaseline(  # type: ignore[call-arg]
                 raise ValueError(
                     f"none of the {found.count(value)} recordings of "
                     f"{condition_name(self.condition, value)} is healthy (healthy = "
-                    f"{self.healthy!r}). Add healthy ones to X or to baseline_recordings, or leave "
-                    f"this condition out."
+                    f"{self.healthy!r}). Add healthy ones to X or to baseline_recordings."
                 )
         healthy_rows = [X[row] for row in np.flatnonzero(mask)] if are_recordings(X) else []
         rates = common_rates([*healthy_rows, *further])
@@ -100,8 +99,7 @@ class ConditionBaseline(  # type: ignore[call-arg]
             if value not in self.conditions_:
                 raise ValueError(
                     f"{entry_name(X, index)} has {condition_name(self.condition, value)}, but "
-                    f"there are healthy recordings of {list(self.conditions_)} only. Fit with "
-                    f"healthy recordings of it, in X or as baseline_recordings."
+                    f"there are healthy recordings of {list(self.conditions_)} only."
                 )
         return found
 
@@ -196,8 +194,7 @@ def check_rates(X: Any, healthy: Mapping[str, float]) -> None:
                 raise ValueError(
                     f"{described(recording, index)}: channel {channel!r} is sampled at "
                     f"{rate:g} Hz, but in the healthy recordings at {healthy[channel]:g} Hz. "
-                    f"Features of both differ by the measurement, not by the machine: use healthy "
-                    f"recordings of the same sampling rate."
+                    f"Use healthy recordings of the same sampling rate."
                 )
 
 

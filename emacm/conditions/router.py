@@ -180,9 +180,8 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
         with located(f"among the recordings {name}"):
             if len(classes) < 2:
                 raise ValueError(
-                    f"all {len(rows)} are of class {classes.tolist()[0]!r}; a classifier needs two "
-                    f"classes in each condition. Add recordings of another class there, or leave "
-                    f"this condition out."
+                    f"all {len(rows)} are of class {classes.tolist()[0]!r}. Add recordings of "
+                    f"another class there, or leave this condition out."
                 )
             return model.fit(chosen_rows(X, rows), labels, **some)
 
@@ -334,8 +333,7 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
             else:
                 raise ValueError(
                     f"{entry_name(X, index)} has {condition_name(self.condition, value)}, but the "
-                    f"conditions in training were {list(self.conditions_)}. Fit with recordings of "
-                    f"it, or with unseen='pooled'."
+                    f"training {list(self.conditions_)}. Train with it, or with unseen='pooled'."
                 )
         return routes
 

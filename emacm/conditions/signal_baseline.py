@@ -250,8 +250,7 @@ class ResidualRecording(AngleRecording):
             starts = [f"{stroke.start_angle:.4g}" for stroke in super().strokes[:4]]
             raise ValueError(
                 f"no stroke of it, which start at {', '.join(starts)} rad, is within the shaft "
-                f"angles of the healthy recordings of {self.baseline.name}. Use healthy recordings "
-                f"of the same motion."
+                f"angles of the healthy recordings of {self.baseline.name}."
             )
         return sections
 

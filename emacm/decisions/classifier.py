@@ -408,12 +408,8 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
         )
         if self.shrinkage is not None:
             raise ValueError(f"{what} with shrinkage={self.shrinkage!r}. {remedy}")
-        warnings.warn(
-            f"{what}; its eigenvalues were raised to 1e-9 of the largest feature variance. "
-            f"{remedy}",
-            UserWarning,
-            stacklevel=stacklevel,
-        )
+        raised = "its eigenvalues were raised to 1e-9 of the largest feature variance"
+        warnings.warn(f"{what}; {raised}. {remedy}", UserWarning, stacklevel=stacklevel)
 
     def _named(self, groups: NDArray[np.bool_]) -> str:
         if self._moments.pooled:
@@ -426,9 +422,8 @@ def as_counts(weight: Array, shrinkage: Any) -> Array:
     counts = weight * len(weight) if np.isclose(weight.sum(), 1, rtol=1e-9) else weight
     if shrinkage == "auto" and not np.allclose(counts, 1, rtol=1e-9):
         raise ValueError(
-            'shrinkage="auto" cannot be used with sample weights other than 1: Ledoit-Wolf '
-            "needs fourth moments of the recordings, for which weights have no meaning. "
-            'Use "oas" or a number.'
+            'shrinkage="auto" cannot be used with sample weights other than 1, which have no '
+            'meaning for fourth moments. Use "oas" or a number.'
         )
     return counts
 

@@ -104,9 +104,8 @@ def cost_table(
         least = of_classes[of_classes > 0].min(initial=np.inf)
         if 1 < least < np.inf and not any(unknown in pair for pair in stated):
             raise ValueError(
-                f"cost must state the costs of the unknown state {unknown!r}, a row and a column: "
-                f"their default 1 is below all others (the smallest is {least:g}), so that it "
-                f"would nearly always be decided."
+                f"cost must state a row and a column of the unknown state {unknown!r}: their "
+                f"default 1 is below all other costs, of which the smallest is {least:g}."
             )
         for row in others:
             if (rows[row], unknown) not in stated:
@@ -247,8 +246,7 @@ def _square(cost: Any, known: list[Any], truths: list[Any]) -> NDArray[Any]:
         raise ValueError(
             f"cost must be a square array of shape {(len(known),) * 2}, rows = decisions and "
             f"columns = true classes in the order of the classes {known}; got shape {array.shape}. "
-            f"Decisions that are not classes need names: pass a pandas DataFrame with "
-            f"index = decisions and columns = classes."
+            f"Decisions that are not classes need names: pass a DataFrame."
         )
     return array
 

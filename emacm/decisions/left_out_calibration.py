@@ -185,10 +185,9 @@ class LeftOutMixin(LeastRiskMixin):
         rows = np.flatnonzero(weight > 0)
         if groups is None:
             warnings.warn(
-                "fit was called without groups, so single recordings are left out. Recordings that "
-                "were measured together (of one unit, in one run) are near-duplicates and make the "
-                "model over-confident: give their labels, in a pipeline as "
-                "costsensitivegaussianbayes__groups=units.",
+                "fit was called without groups, so single recordings are left out. Those that were "
+                "measured together (one unit, one run) make the model over-confident: give their "
+                "labels, in a pipeline as costsensitivegaussianbayes__groups=units.",
                 UserWarning,
                 stacklevel=3,
             )

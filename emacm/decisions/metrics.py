@@ -254,9 +254,8 @@ def neg_expected_cost(estimator: Any, X: Any, y: ArrayLike) -> float:
     final = final_estimator(estimator)
     if not hasattr(final, "cost_"):
         raise TypeError(
-            f"neg_expected_cost uses the cost of the classifier, but {final!r} "
-            f"has no cost_ (is it fitted?). For other classifiers, give the cost: "
-            f"make_scorer(expected_cost, greater_is_better=False, cost=...)."
+            f"neg_expected_cost needs a fitted classifier with costs, but {final!r} has no cost_. "
+            f"For others: make_scorer(expected_cost, greater_is_better=False, cost=...)."
         )
     truths, chosen = _equally_long(y, estimator.predict(X))
     table = final.decisions_, getattr(final, "truths_", final.classes_), final.cost_

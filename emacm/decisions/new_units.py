@@ -138,9 +138,8 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         super().fit(X, y, groups=groups)
         if groups is None:
             warnings.warn(
-                "NewUnitClassifier was fitted without groups, so that it knows no difference "
-                "between units. Give the unit of each recording, in a pipeline as "
-                "newunitclassifier__groups=units.",
+                "NewUnitClassifier was fitted without groups, and knows no difference between "
+                "units. Give them, in a pipeline as newunitclassifier__groups=units.",
                 UserWarning,
                 stacklevel=2,
             )
@@ -236,9 +235,8 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         if probability < level:
             warnings.warn(
                 f"{len(new)} units with a mean typicality of {new.mean():.2g} are less "
-                f"typical than those of the training (p = {probability:.2g}): they may be of "
-                f"another kind, and the sets contain the true class less often than stated. Train "
-                f"with such units, or subtract their baseline (FeatureBaseline).",
+                f"typical than those of the training (p = {probability:.2g}): the sets may contain "
+                f"the true class less often than stated. Train with such units.",
                 UserWarning,
                 stacklevel=3,
             )

@@ -233,9 +233,8 @@ def check_possible(
     if impossible.any():
         code = int(np.argmax(impossible))
         raise ValueError(
-            f"{name} has the prior 0 of class {classes.tolist()[code]!r}, so that its posterior "
-            f"carries no information about it, but priors give it {priors[code]:g}. Give {name} "
-            f"another prior."
+            f"{name} has the prior 0 of class {classes.tolist()[code]!r}, but priors give it "
+            f"{priors[code]:g}. Give {name} another prior."
         )
 
 

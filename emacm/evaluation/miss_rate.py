@@ -226,8 +226,7 @@ def _missed_costs(cost: pd.DataFrame, rule: ScoringRule) -> Array:
         row, column = np.argwhere(free)[0]
         raise ValueError(
             f"deciding {cost.index[row]!r} when {cost.columns[column]!r} is true must cost more "
-            f"than the cheapest decision, so that a factor on it can prevent missed detections; "
-            f"it costs {cost.iat[row, column]:g}. Give the model another cost."
+            f"than the cheapest decision; it costs {cost.iat[row, column]:g}."
         )
     return excess
 
@@ -301,6 +300,5 @@ def check_units(n_units: int, rate: float, confidence: float) -> None:
         raise ValueError(
             f"{n_units} units with faults cannot prove a missed detection rate of {rate:g} with "
             f"confidence {confidence:g}: even if none is missed, the rate may be as high as "
-            f"{lowest:.3g}. It takes {needed} units; otherwise give a larger rate or less "
-            f"confidence."
+            f"{lowest:.3g}. It takes {needed} units."
         )

@@ -6,7 +6,6 @@ import importlib
 import json
 import os
 import re
-import sys
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -41,8 +40,7 @@ def _check_types(names: Sequence[str]) -> None:
     if foreign:
         raise TypeError(
             f"the model contains types that a model file must not hold: {', '.join(foreign)}. Use "
-            f"steps of emacm and scikit-learn, and functions of NumPy or SciPy, only; or "
-            f"joblib.dump, whose files execute code."
+            f"steps of emacm and scikit-learn and functions of NumPy or SciPy, or joblib.dump."
         )
 
 
@@ -253,10 +251,7 @@ def model_description(path: str | os.PathLike[str]) -> dict[str, Any]:
     return _read(path)[0]
 
 
-def _skops(unneeded: Sequence[str] = ("cupy", "dask", "pytest", "torch")) -> Any:
-    """Import skops.io, without what it would import by listing all modules of scikit-learn."""
-    absent: dict[str, Any] = dict.fromkeys(name for name in unneeded if name not in sys.modules)
-    sys.modules.update(absent)  # None: not to be imported
+def _skops() -> Any:
     try:
         return importlib.import_module("skops.io")
     except ImportError as error:
@@ -264,9 +259,6 @@ def _skops(unneeded: Sequence[str] = ("cupy", "dask", "pytest", "torch")) -> Any
             "model files are written by skops, which is not installed; run "
             "pip install 'emacm[models]'."
         ) from error
-    finally:
-        for name in absent:
-            del sys.modules[name]
 
 
 def _read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], bytes]:
@@ -292,15 +284,14 @@ def _description(
     model: Any, note: str | None, evidence: Mapping[str, Any] | None
 ) -> dict[str, Any]:
     fitted = fitted_resamplers(model)
-    lists = {name: _plain(model, name) for name in ("classes", "decisions", "truths", "cost")}
+    names = "classes", "decisions", "truths", "cost", "priors"
     return {
         "note": note,
         "saved": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "versions": installed_versions(),
         "model": type(model).__name__,
         "steps": [name for name, _ in getattr(model, "steps", ())],
-        **lists,
-        "priors": _plain(model, "priors"),
+        **{name: _plain(model, name) for name in names},
         "healthy": getattr(model, "healthy_", None),
         "channels": list(fitted[0].channels_) if fitted else [],
         "units": [getattr(part, "training_units_", {}) for part in fitted],
