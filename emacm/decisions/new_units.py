@@ -45,10 +45,6 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
 
     Attributes
     ----------
-    between_covariance_ : ndarray of shape (n_features, n_features)
-        Covariance of the offset of a unit.
-    within_covariance_ : ndarray of shape (n_features, n_features)
-        Covariance of the recordings of one unit in one class.
     means_ : ndarray of shape (n_classes, n_features)
         Mean of each class over the units (generalised least squares).
     covariances_ : ndarray of shape (n_classes, n_features, n_features)
@@ -157,16 +153,6 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
     def partial_fit(self):
         """Not available: units are needed at once."""
         raise AttributeError("NewUnitClassifier has no partial_fit: all units are needed at once.")
-
-    @property
-    def between_covariance_(self) -> Array:
-        """Covariance of the offset of a unit, shape (n_features, n_features)."""
-        return self._unit().between
-
-    @property
-    def within_covariance_(self) -> Array:
-        """Covariance of the recordings of a unit in a class, shape (n_features, n_features)."""
-        return self._unit().within
 
     def prediction_sets(self, X, coverage=0.9, groups=None):
         """Return the classes that cannot be excluded for each recording.

@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 
 from emacm._checks import check_count
 from emacm.decisions.costs import stated_costs
-from emacm.evaluation.bootstrap import GroupBootstrap
 from emacm.evaluation.caveats import single_unit_labels
 from emacm.evaluation.held_out import all_schemes, decide_held_out, read_groupings
 from emacm.evaluation.results import Evaluation, score_held_out
@@ -63,7 +62,7 @@ def evaluate(
         Further schemes by name: a tuple (train, test) of positions or masks, as for "later
         runs"; a list of such tuples; or an object with ``split(X, y, groups)``.
     healthy : object, optional
-        The healthy class or family. Without it the three rates are not computed.
+        The healthy class, or the family of a cost. Without it the three rates are not computed.
     n_splits : int, default=10
         Largest number of folds, at least 2. Up to this number of runs (or units), one is left out
         at a time.
@@ -97,7 +96,6 @@ def evaluate(
     See Also
     --------
     evaluate_unknown : Families of faults that are left out of training.
-    emacm.evaluation.results.Evaluation.rescored : Other costs, families and intervals.
 
     Notes
     -----
@@ -157,13 +155,12 @@ def evaluate(
             raise TypeError(f"estimator must be a classifier with {method}, got {estimator!r}.")
     classes = checked_classes(y, X)
     check_count(n_splits, "n_splits", at_least=2)
-    stated = {"healthy": healthy, **stated_costs(estimator)}
-    rule = scoring_rule(np.unique(classes), **stated)
+    rule = scoring_rule(np.unique(classes), healthy=healthy, **stated_costs(estimator))
     labels = [rule.family_of[label] for label in classes.tolist()]
     groupings = read_groupings(X, runs, units, conditions)
     schemes = all_schemes(classes, labels, groupings, splits, n_splits)
     held_out = decide_held_out(estimator, X, classes, schemes, groupings)
-    result = score_held_out(held_out, stated, GroupBootstrap())
+    result = score_held_out(held_out, rule)
     by_unit = groupings["units"]
     if by_unit is not None and single_unit_labels(labels, by_unit.labels.tolist()):
         warnings.warn(result.caveats[0], UserWarning, stacklevel=2)

@@ -37,7 +37,7 @@ class UnknownEvaluation(Printed):
     table : DataFrame
         One row for each family of faults that was left out of training, with intervals: "auroc",
         the area under the ROC curve of typicality, which separates its recordings from the known
-        ones; fraction of the known recordings with a typicality of at most `threshold`
+        ones; fraction of the known recordings with a typicality of at most 0.01
         ("known_flagged") and of those left out ("unknown_flagged"); fraction of those left out that
         were decided to be healthy ("unknown_called_healthy"); numbers of recordings ("known",
         "unknown"). Empty if no family was left out.
@@ -69,10 +69,8 @@ def evaluate_unknown(
     *,
     runs: Any = None,
     units: Any = None,
-    families: Any = None,
     healthy: Any = None,
     n_splits: int = 5,
-    threshold: float = 0.01,
 ) -> UnknownEvaluation:
     """Leave each family of faults out of training, and state whether it is recognised as unknown.
 
@@ -83,12 +81,8 @@ def evaluate_unknown(
     X, y, runs, units, healthy
         As for `evaluate`. Recordings are held out by unit, or, if there are no units or they cannot
         be held out, by run, or at random.
-    families : mapping, optional
-        {class: family} or {family: [classes]}. Default: defined by the cost of the estimator.
     n_splits : int, default=5
         Largest number of folds for each family.
-    threshold : float, default=0.01
-        Recordings of at most this typicality are counted as flagged.
 
     Returns
     -------
@@ -122,7 +116,7 @@ def evaluate_unknown(
         raise ValueError("estimator has no unknown state: set unknown= of the classifier.")
     classes = checked_classes(y, X)
     check_count(n_splits, "n_splits", at_least=2)
-    rule = scoring_rule(np.unique(classes), families=families, healthy=healthy, **stated)
+    rule = scoring_rule(np.unique(classes), healthy=healthy, **stated)
     labels = [rule.family_of[label] for label in classes.tolist()]
     groupings = read_groupings(X, runs, units)
     possible = [
@@ -140,7 +134,7 @@ def evaluate_unknown(
     predictions, bootstrap = novelty_predictions(held_out, rule), GroupBootstrap()
     if predictions.empty:
         caveats.append("No family of faults was left out as unknown.")
-    table = novelty_table(predictions, rule.cleared, bootstrap, threshold=threshold)
+    table = novelty_table(predictions, rule.cleared, bootstrap)
     return UnknownEvaluation(table, predictions, caveats, bootstrap)
 
 
@@ -205,8 +199,6 @@ def novelty_table(
     predictions: pd.DataFrame,
     cleared: Collection[Any],
     bootstrap: GroupBootstrap,
-    *,
-    threshold: float = 0.01,
 ) -> pd.DataFrame:
     """Return how well each family that was left out is recognised as unknown.
 
@@ -218,8 +210,6 @@ def novelty_table(
         Decisions that are correct for the healthy state; empty if it was not given.
     bootstrap : GroupBootstrap
         Confidence level, number of draws and seed.
-    threshold : float, default=0.01
-        As for `evaluate_unknown`.
 
     Returns
     -------
@@ -229,7 +219,7 @@ def novelty_table(
     rows = {}
     for family, part in predictions.groupby("left_out", sort=False) if len(predictions) else ():
         is_unknown = part["is_unknown"].to_numpy()
-        flagged, cells = part["typicality"] <= threshold, is_unknown.astype(int)
+        flagged, cells = part["typicality"] <= 0.01, is_unknown.astype(int)
         found = {"known_flagged": Tally(flagged, -cells)}
         found["unknown_flagged"] = Tally(flagged, cells - 1)
         if cleared:
