@@ -265,8 +265,8 @@ def set_costs(
         raise ValueError(f"opening and left must have the same parts; got {parts}, {list(left)}.")
     if len(parts) > 10:
         raise ValueError(
-            f"opening has {len(parts)} parts, and their sets are 2**{len(parts)} decisions: decide "
-            f"each part alone, by P(faulty) > opening / left."
+            f"opening has {len(parts)} parts, at most 10 are possible: decide each part alone, by "
+            f"P(faulty) > opening / left."
         )
     found = {
         state: set() if state == healthy else set(state.split(" + "))

@@ -14,7 +14,7 @@ from sklearn.utils.validation import check_is_fitted, column_or_1d
 from emacm._checks import positive_weights
 from emacm._saved import SavedEstimator
 from emacm.decisions.costs import cost_table
-from emacm.decisions.pipelines import final_estimator, weight_parameter
+from emacm.decisions.pipelines import final_estimator
 from emacm.decisions.risks import LeastRiskMixin, pooled_log_posterior
 from emacm.decisions.truths import check_classes, check_possible, class_priors
 
@@ -84,7 +84,7 @@ class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, S
         self.cost = cost
         self.priors = priors
 
-    def fit(self, X, y, sample_weight=None, **fit_params):
+    def fit(self, X, y, **fit_params):
         """Fit a clone of the estimator.
 
         Parameters
@@ -93,10 +93,8 @@ class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, S
             Input of the estimator; it is passed on unchanged.
         y : array-like of shape (n_recordings,)
             True class of each recording.
-        sample_weight : array-like of shape (n_recordings,), default=None
-            How often each recording counts; in a pipeline, passed to the last step.
         **fit_params : dict
-            Further arguments of the estimator's `fit`.
+            Further arguments of the estimator's `fit`, such as ``sample_weight``.
 
         Returns
         -------
@@ -120,8 +118,6 @@ class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, S
         check_consistent_length(X, y)
         classes, codes = np.unique(y, return_inverse=True)
         cost_table(self.cost, classes)
-        if sample_weight is not None:
-            fit_params = {**fit_params, weight_parameter(self.estimator): sample_weight}
         weights = [value for name, value in fit_params.items() if name.endswith("sample_weight")]
         weight = positive_weights(weights[-1] if weights else None, len(y))
         counts = np.bincount(codes, weight).astype(np.float64)

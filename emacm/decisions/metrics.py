@@ -312,14 +312,8 @@ def _metric_classes(cost: Any, truths: list[Any], chosen: list[Any]) -> NDArray[
         decisions, causes = (set(labels) for labels in zip(*cost, strict=True))
         found = {*truths, *causes, *(set(chosen) - decisions)}
     try:
-        classes = np.asarray(sorted(found))
+        return np.asarray(sorted(found))
     except TypeError as error:
         raise ValueError(
             f"labels of different types have no order: {list(found)}. Give labels=..., the classes."
         ) from error
-    if isinstance(cost, Sequence | np.ndarray) and len(cost) != len(classes):
-        raise ValueError(
-            f"cost has {len(cost)} rows, but {len(classes)} labels occur in y_true and y_pred: "
-            f"{classes.tolist()}. Give labels=..., the classes in the order of cost."
-        )
-    return classes

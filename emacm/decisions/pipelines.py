@@ -77,31 +77,6 @@ def before_the_last_step(estimator: Any, X: Any) -> tuple[Any, Any]:
     return before_the_last_step(inner.steps[-1][1], table)
 
 
-def weight_parameter(estimator: Any) -> str:
-    """Return the name under which `fit` accepts weights: in a pipeline, those of the last step.
-
-    Raises
-    ------
-    TypeError
-        If it accepts none.
-
-    Examples
-    --------
-    >>> from sklearn.naive_bayes import GaussianNB
-    >>> from sklearn.pipeline import make_pipeline
-    >>> from sklearn.preprocessing import StandardScaler
-    >>> weight_parameter(make_pipeline(StandardScaler(), GaussianNB()))
-    'gaussiannb__sample_weight'
-    """
-    prefix, last = "", estimator
-    while isinstance(last, Pipeline):
-        step, last = last.steps[-1]
-        prefix += f"{step}__"
-    if not has_fit_parameter(last, "sample_weight"):
-        raise TypeError(f"{type(last).__name__} accepts no sample_weight. Omit the weights.")
-    return f"{prefix}sample_weight"
-
-
 def groups_options(estimator: Any, groups: Any) -> dict[str, Any]:
     """Return the arguments of `fit` that pass groups to all that learn from left-out groups.
 

@@ -100,7 +100,7 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         """Whether a member learns how units differ."""
         return any(groups_are_units(member) for member in self._named_pairs().values())
 
-    def fit(self, X, y, sample_weight=None, groups=None):
+    def fit(self, X, y, groups=None):
         """Fit a clone of every member.
 
         Parameters
@@ -109,8 +109,6 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
             Input of the members; it is passed on unchanged.
         y : array-like of shape (n_recordings,)
             True class of each recording.
-        sample_weight : array-like of shape (n_recordings,), default=None
-            How often each recording counts, for every member; in a pipeline, the last step.
         groups : array-like of shape (n_recordings,), default=None
             Labels of recordings that were measured together, for those members that learn from
             groups, such as `CostSensitiveGaussianBayes` with a temperature.
@@ -125,7 +123,7 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         for name, member in self._checked_members().items():
             with located(f"member {name!r}"):
                 options = groups_options(member, groups)
-                fitted[name] = LeastRiskClassifier(member).fit(X, y, sample_weight, **options)
+                fitted[name] = LeastRiskClassifier(member).fit(X, y, **options)
         self._members = fitted
         self.classes_ = next(iter(fitted.values())).classes_
         self.named_estimators_ = Bunch(**{name: m.estimator_ for name, m in fitted.items()})

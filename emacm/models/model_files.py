@@ -136,8 +136,6 @@ def save_model(
     """
     if isinstance(model, type) or not isinstance(model, BaseEstimator):
         raise TypeError(f"model must be a fitted estimator, got {type(model).__name__}.")
-    if note is not None and not isinstance(note, str):
-        raise TypeError(f"note must be a text, got {note!r}.")
     check_is_fitted(model)
     file = Path(path)
     if not file.parent.is_dir():

@@ -114,7 +114,7 @@ def test_invalid_costs_are_refused_with_their_position(cost, error, message):
         ([], [], {}, "at least one label"),
         ([0, None], [0, 1], {}, "y_true .* position 1 has None"),
         ([[0], [1]], [0, 1], {}, r"one-dimensional, got shape \(2, 1\)"),
-        ([0, 1], [0, 0], {"cost": MATRIX}, "3 rows, but 2 labels occur"),
+        ([0, 1], [0, 0], {"cost": MATRIX}, r"square array of shape \(2, 2\), .*got shape \(3, 3\)"),
         ([0, 1], [0, 5], {"labels": [0, 1]}, "y_pred contains 5 at position 1"),
         ([0, 5], [0, 0], {"labels": [0, 1]}, "y_true contains 5 at position 1"),
         ([0, "a"], [0, 0], {}, "different types"),

@@ -164,13 +164,16 @@ def test_a_calibrated_classifier_decides_by_cost():
 
 def test_weights_reach_the_estimator_and_its_prior():
     weight = np.arange(len(Y)) % 3
-    for estimator in (GaussianNB(), make_pipeline(StandardScaler(), LogisticRegression())):
-        model = LeastRiskClassifier(estimator, priors="uniform").fit(X, Y, weight)
+    for estimator, name in (
+        (GaussianNB(), "sample_weight"),
+        (make_pipeline(StandardScaler(), GaussianNB()), "gaussiannb__sample_weight"),
+    ):
+        model = LeastRiskClassifier(estimator, priors="uniform").fit(X, Y, **{name: weight})
         repeated = LeastRiskClassifier(estimator, priors="uniform")
         repeated.fit(np.repeat(X, weight, axis=0), np.repeat(Y, weight))
         np.testing.assert_allclose(model.estimator_priors_, repeated.estimator_priors_)
     np.testing.assert_allclose(
-        LeastRiskClassifier(GaussianNB()).fit(X, Y, weight).predict_proba(LATER),
+        LeastRiskClassifier(GaussianNB()).fit(X, Y, sample_weight=weight).predict_proba(LATER),
         LeastRiskClassifier(GaussianNB())
         .fit(np.repeat(X, weight, axis=0), np.repeat(Y, weight))
         .predict_proba(LATER),

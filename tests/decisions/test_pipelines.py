@@ -20,7 +20,6 @@ from emacm.decisions.pipelines import (
     groups_are_units,
     groups_options,
     search_estimator,
-    weight_parameter,
 )
 
 X = np.array([[0.0, 3.0], [2.0, 1.0], [5.0, 4.0], [9.0, 8.0]])
@@ -52,14 +51,6 @@ def test_groups_are_passed_to_all_steps_that_leave_them_out():
         assert {name.removesuffix("__groups") for name in found} == names
         assert all(groups == ["a", "b"] for groups in found.values())
         assert groups_options(model, None) == {}
-
-
-def test_the_name_of_weights_contains_all_steps():
-    nested = make_pipeline(StandardScaler(), make_pipeline(GaussianNB()))
-    assert weight_parameter(nested) == "pipeline__gaussiannb__sample_weight"
-    assert weight_parameter(GaussianNB()) == "sample_weight"
-    with pytest.raises(TypeError, match="KNeighborsClassifier accepts no sample_weight"):
-        weight_parameter(make_pipeline(StandardScaler(), KNeighborsClassifier()))
 
 
 def in_pipeline(classifier):
