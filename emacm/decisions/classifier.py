@@ -15,6 +15,7 @@ from sklearn.utils.validation import check_is_fitted, column_or_1d, validate_dat
 
 from emacm._checks import check_choice, check_number, check_table, check_weights, positive_weights
 from emacm._saved import SavedEstimator
+from emacm.calibration.left_out import Array, Indices
 from emacm.decisions.costs import cost_table
 from emacm.decisions.gaussians import (
     ClassMoments,
@@ -25,9 +26,6 @@ from emacm.decisions.gaussians import (
 )
 from emacm.decisions.left_out_calibration import LeftOutMixin, check_temperature
 from emacm.decisions.truths import check_classes, label_positions, truth_priors
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 def can_add_recordings(classifier: Any) -> bool:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import lapack
 
-Array = NDArray[np.float64]
+from emacm.calibration.left_out import Array, Indices
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def class_gaussians(
     moments: ClassMoments,
     covariance: str = "full",
     shrinkage: Any = None,
-    recordings: tuple[Array, NDArray[np.intp]] | None = None,
+    recordings: tuple[Array, Indices] | None = None,
     *,
     floored: bool | None = None,
 ) -> GaussianClasses:
@@ -252,7 +252,7 @@ def oas_coefficient(scatter: ArrayLike, count: float) -> float:
 
 
 def ledoit_wolf_coefficients(
-    X: Array, codes: NDArray[np.intp], means: Array, *, pooled: bool
+    X: Array, codes: Indices, means: Array, *, pooled: bool
 ) -> tuple[Array, Array]:
     """Return Ledoit-Wolf coefficients of standardised features, as in scikit-learn's LDA.
 
@@ -457,7 +457,7 @@ class ClassMoments:
 
 def class_moments(
     X: Array,
-    codes: NDArray[np.intp],
+    codes: Indices,
     n_classes: int,
     weight: Array | None = None,
     covariance: str = "full",

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.base import ClassifierMixin, MetaEstimatorMixin, clone
 from sklearn.utils import assert_all_finite, check_consistent_length, get_tags
 from sklearn.utils.multiclass import check_classification_targets
@@ -15,10 +14,8 @@ from emacm._checks import positive_weights
 from emacm._saved import SavedEstimator
 from emacm.decisions.costs import cost_table
 from emacm.decisions.pipelines import final_estimator
-from emacm.decisions.risks import LeastRiskMixin, pooled_log_posterior
+from emacm.decisions.risks import Array, LeastRiskMixin, pooled_log_posterior
 from emacm.decisions.truths import check_classes, check_possible, class_priors
-
-Array = NDArray[np.float64]
 
 
 class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, SavedEstimator):

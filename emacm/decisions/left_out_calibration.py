@@ -16,7 +16,14 @@ from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, check_number, group_codes
-from emacm.calibration.left_out import check_judged, fit_temperature, left_out, single_recordings
+from emacm.calibration.left_out import (
+    Array,
+    Indices,
+    check_judged,
+    fit_temperature,
+    left_out,
+    single_recordings,
+)
 from emacm.decisions.risks import LeastRiskMixin, decide
 from emacm.decisions.truths import states_unknown, truth_priors
 from emacm.decisions.typicality import (
@@ -25,9 +32,6 @@ from emacm.decisions.typicality import (
     fit_typicality,
     unknown_probability,
 )
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 def has_unknown(classifier: Any) -> bool:

@@ -14,13 +14,10 @@ from scipy.stats import mannwhitneyu
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_number, group_codes
-from emacm.calibration.left_out import grouped_quantile
+from emacm.calibration.left_out import Array, Indices, grouped_quantile
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.gaussians import class_gaussians, class_moments, shrinkage_coefficients
 from emacm.decisions.unit_effects import UnitLevels, fit_unit_levels
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 class NewUnitClassifier(CostSensitiveGaussianBayes):

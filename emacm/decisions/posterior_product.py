@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.base import ClassifierMixin
 from sklearn.utils import Bunch
 from sklearn.utils.validation import check_is_fitted
@@ -14,10 +13,8 @@ from emacm._checks import located
 from emacm._saved import SavedEstimator
 from emacm.decisions.least_risk import LeastRiskClassifier
 from emacm.decisions.pipelines import groups_are_units, groups_options, uses_groups
-from emacm.decisions.risks import LeastRiskMixin, pooled_log_posterior
+from emacm.decisions.risks import Array, LeastRiskMixin, pooled_log_posterior
 from emacm.decisions.truths import check_possible, class_priors
-
-Array = NDArray[np.float64]
 
 
 class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):

@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm.calibration.left_out import (
+    Array,
+    Indices,
     Peaks,
     StudentTail,
     check_judged,
@@ -26,8 +28,6 @@ from emacm.calibration.left_out import (
     student_tail,
 )
 from emacm.decisions.gaussians import class_gaussians, class_moments
-
-Array = NDArray[np.float64]
 
 
 def evidence_for_unknown(typicality: Array) -> Array:
@@ -87,9 +87,6 @@ def unknown_probability(typicality: Array, prior: float) -> Array:
     """
     unknown = prior * evidence_for_unknown(typicality)
     return unknown / (1 - prior + unknown)
-
-
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)

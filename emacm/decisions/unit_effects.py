@@ -22,15 +22,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
+from emacm.calibration.left_out import Array, Indices
 from emacm.decisions.gaussians import (
     GaussianClasses,
     inverse_factor,
     population_eigenvalues,
     shrink,
 )
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 class UnitLevels(NamedTuple):

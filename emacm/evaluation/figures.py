@@ -19,10 +19,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.stats import rankdata
 
 from emacm.decisions.truths import label_array
-from emacm.evaluation.bootstrap import GroupBootstrap, Tally, gap_of_cells, probability_of_cells
+from emacm.evaluation.bootstrap import (
+    Array,
+    GroupBootstrap,
+    Tally,
+    gap_of_cells,
+    probability_of_cells,
+)
 from emacm.evaluation.scoring import ScoringRule
-
-Array = NDArray[np.float64]
 
 
 def tallies(judged: pd.DataFrame, rule: ScoringRule) -> dict[str, Tally]:

@@ -22,6 +22,7 @@ from sklearn.model_selection import (
 from emacm._checks import located
 from emacm.conditions.present_costs import narrowed
 from emacm.decisions.pipelines import before_the_last_step, groups_are_units, groups_options
+from emacm.decisions.truths import check_distinct
 from emacm.orders.bin_transformer import collected_statements
 from emacm.recordings.inputs import run
 from emacm.recordings.meta import Grouping, chosen_rows, plain_label, read_grouping
@@ -204,13 +205,9 @@ def all_schemes(
     for name, split in (splits or {}).items():
         folds = given_folds(str(name), split, y, None if runs is None else runs.labels)
         schemes.append(Scheme(str(name), folds, resampled))
-    names = [scheme.name for scheme in schemes]
-    doubles = [name for name in names if names.count(name) > 1]
-    if doubles:
-        raise ValueError(
-            f"two hold-out schemes have the name {doubles[0]!r}. Give runs, units, conditions and "
-            f"splits different names, for example as a pandas Series with a name."
-        )
+    check_distinct(
+        [scheme.name for scheme in schemes], "names of hold-out schemes, as of a pandas Series,"
+    )
     return [replace(each, impossible=why_impossible(each.folds, labels)) for each in schemes]
 
 

@@ -28,12 +28,10 @@ from emacm._checks import check_number
 from emacm.decisions.pipelines import before_the_last_step
 from emacm.decisions.risks import decide, risks_of
 from emacm.decisions.truths import label_array, label_list, label_positions
-from emacm.evaluation.bootstrap import GroupBootstrap
+from emacm.evaluation.bootstrap import Array, GroupBootstrap
 from emacm.evaluation.figures import tallies
 from emacm.evaluation.scoring import ScoringRule, scoring_rule
 from emacm.recordings.meta import read_grouping
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
