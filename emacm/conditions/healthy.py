@@ -71,6 +71,8 @@ class ConditionBaseline(  # type: ignore[call-arg]
             raise TypeError(
                 f"baseline_recordings must be None or a list of recordings, got {received(further)}"
             )
+        if any(isinstance(recording, str) for recording in further):  # of a model file
+            raise ValueError(f"set baseline_recordings again: {further[0]}.")
         with located("baseline_recordings"):
             known = read_meta(further, self.condition) if further else []
         own = [value for value, good in zip(found, mask, strict=True) if good] + known

@@ -31,10 +31,10 @@ from emacm.decisions.truths import check_classes, label_positions, truth_priors
 def can_add_recordings(classifier: Any) -> bool:
     """Return True if `partial_fit` is available; otherwise an AttributeError states the reason."""
     left_out = classifier.unknown is not None or classifier.temperature == "groups"
-    if left_out or classifier.shrinkage == "auto":
+    if left_out or classifier.shrinkage == "auto" or classifier.needs_groups:
         raise AttributeError(
             'partial_fit is not available with shrinkage="auto", unknown= or temperature="groups", '
-            'which need all recordings at once. Use "oas" or a number, or fit.'
+            "nor for new units: these need all recordings at once."
         )
     return True
 
@@ -140,6 +140,8 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
     >>> model.set_params(cost=missed).predict([[2.2]])
     array(['worn'], dtype='<U7')
     """
+
+    needs_groups = False
 
     def __init__(
         self,

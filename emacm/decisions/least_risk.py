@@ -196,9 +196,6 @@ class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, S
         return self.estimator_.feature_names_in_
 
     def __sklearn_tags__(self):
-        tags, inner = super().__sklearn_tags__(), get_tags(self.estimator)
-        tags.input_tags = inner.input_tags
-        tags.classifier_tags.multi_class = inner.classifier_tags is None or (
-            inner.classifier_tags.multi_class
-        )
+        tags = super().__sklearn_tags__()
+        tags.input_tags = get_tags(self.estimator).input_tags
         return tags

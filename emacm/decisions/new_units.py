@@ -146,11 +146,6 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
             self.means_, self.covariances_ = self._gaussians.means, self._gaussians.covariances
         return self
 
-    @property
-    def partial_fit(self):
-        """Not available: units are needed at once."""
-        raise AttributeError("NewUnitClassifier has no partial_fit: all units are needed at once.")
-
     def prediction_sets(self, X, coverage=0.9, groups=None):
         """Return the classes that cannot be excluded for each recording.
 

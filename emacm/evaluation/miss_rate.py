@@ -151,7 +151,6 @@ def miss_rate_limit(
     states = label_list(y)
     if len(states) != len(units.labels):
         raise ValueError(f"y has {len(states)} states for {len(units.labels)} recordings.")
-    check_units(len(np.unique(units.labels)), rate, confidence)  # before a long computation
     final, posterior = _posteriors(model, X)
     truths, decisions = final.truths_.tolist(), final.decisions_.tolist()
     label_positions(states, truths, "y", "state of the model")

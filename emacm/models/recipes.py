@@ -233,7 +233,7 @@ def actuator_recipe(
     if revolutions * max_order > 1000:
         raise ValueError(
             f"revolutions = {revolutions:g} and max_order = {max_order:g} make "
-            f"{revolutions * max_order:.0f} bins for each channel; at most 1000 are possible."
+            f"{revolutions * max_order:.0f} bins for each channel, of at most 1000. Lower either."
         )
     if healthy is not None and not phase:
         raise ValueError(
