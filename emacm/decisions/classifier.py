@@ -33,8 +33,8 @@ def can_add_recordings(classifier: Any) -> bool:
     left_out = classifier.unknown is not None or classifier.temperature == "groups"
     if left_out or classifier.shrinkage == "auto" or classifier.needs_groups:
         raise AttributeError(
-            'partial_fit is not available with shrinkage="auto", unknown= or temperature="groups", '
-            "nor for new units: these need all recordings at once."
+            'partial_fit is not available with shrinkage="auto", unknown=, temperature="groups" or '
+            'units, which need all recordings at once. Use "oas" or a number, or fit.'
         )
     return True
 
