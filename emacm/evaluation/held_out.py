@@ -28,6 +28,7 @@ from emacm.recordings.inputs import run
 from emacm.recordings.meta import Grouping, chosen_rows, plain_label, read_grouping
 
 Indices = NDArray[np.intp]
+Groupings = Mapping[str, Grouping | None]
 
 RANDOM = "random split"
 
@@ -85,8 +86,7 @@ def random_folds(y: NDArray[Any], n_splits: int) -> list[Fold]:
     largest = _largest_class(y)
     if largest < 2:
         raise ValueError(
-            "y has one recording of each class; at least one class must have two, one for "
-            "training and one to be held out."
+            "y has one recording of each class; at least one class must have two, one to hold out."
         )
     split = StratifiedKFold(min(n_splits, largest), shuffle=True, random_state=0)
     return [Fold(train, test) for train, test in _split(split, y, None)]
@@ -158,11 +158,7 @@ def given_folds(name: str, split: Any, y: NDArray[Any], groups: Any) -> list[Fol
 
 
 def all_schemes(
-    y: NDArray[Any],
-    labels: Sequence[Any],
-    groupings: Mapping[str, Grouping | None],
-    splits: Mapping[str, Any] | None,
-    n_splits: int,
+    y: NDArray[Any], labels: Sequence[Any], groupings: Groupings, splits: Any, n_splits: int
 ) -> list[Scheme]:
     """Return the random split, and every other scheme for which there are labels.
 
@@ -205,9 +201,7 @@ def all_schemes(
     for name, split in (splits or {}).items():
         folds = given_folds(str(name), split, y, None if runs is None else runs.labels)
         schemes.append(Scheme(str(name), folds, resampled))
-    check_distinct(
-        [scheme.name for scheme in schemes], "names of hold-out schemes, as of a pandas Series,"
-    )
+    check_distinct([scheme.name for scheme in schemes], "names of hold-out schemes")
     return [replace(each, impossible=why_impossible(each.folds, labels)) for each in schemes]
 
 
@@ -288,15 +282,11 @@ class HeldOut(NamedTuple):
     decisions: pd.DataFrame
     posteriors: pd.DataFrame
     y: NDArray[Any]
-    groupings: Mapping[str, Grouping | None]
+    groupings: Groupings
 
 
 def decide_held_out(
-    estimator: Any,
-    X: Any,
-    y: NDArray[Any],
-    schemes: Sequence[Scheme],
-    groupings: Mapping[str, Grouping | None],
+    estimator: Any, X: Any, y: NDArray[Any], schemes: Sequence[Scheme], groupings: Groupings
 ) -> HeldOut:
     """Fit a clone in each fold, and return its decisions on the recordings held out.
 
@@ -382,15 +372,13 @@ def _decide(
         return table, posterior
 
 
-def read_groupings(
-    X: Any, runs: Any, units: Any, conditions: Any = None
-) -> dict[str, Grouping | None]:
+def read_groupings(X: Any, runs: Any, units: Any, conditions: Any = None) -> Groupings:
     """Return the runs, units and conditions of recordings, in the forms of `read_grouping`."""
     given = {"runs": runs, "units": units, "conditions": conditions}
     return {role: read_grouping(value, X, role, role[:-1]) for role, value in given.items()}
 
 
-def training_groups(estimator: Any, groupings: Mapping[str, Grouping | None]) -> Any:
+def training_groups(estimator: Any, groupings: Groupings) -> Any:
     """Return the groups of `fit`: units for a classifier for new units, otherwise runs."""
     runs, units = groupings["runs"], groupings["units"]
     together = (units or runs) if groups_are_units(estimator) else (runs or units)

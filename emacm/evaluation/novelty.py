@@ -117,18 +117,12 @@ def evaluate_unknown(
     rule = scoring_rule(np.unique(classes), healthy=healthy, **stated)
     labels = [rule.family_of[label] for label in classes.tolist()]
     groupings = read_groupings(X, runs, units)
-    possible = [
-        scheme
-        for scheme in all_schemes(classes, labels, groupings, None, n_splits)
-        if not scheme.impossible
-    ]
+    schemes = all_schemes(classes, labels, groupings, None, n_splits)
+    possible = [scheme for scheme in schemes if not scheme.impossible]
     schemes = left_out_families(possible[-1], labels, rule) if possible else []  # the strictest
     held_out = decide_held_out(estimator, X, classes, schemes, groupings)
-    caveats = [
-        f"{scheme.name!r} could not be left out of training. {scheme.impossible}"
-        for scheme in held_out.schemes
-        if scheme.impossible
-    ]
+    refused = [scheme for scheme in held_out.schemes if scheme.impossible]
+    caveats = [f"{s.name!r} could not be left out of training. {s.impossible}" for s in refused]
     predictions, bootstrap = novelty_predictions(held_out, rule), GroupBootstrap()
     if predictions.empty:
         caveats.append("No family of faults was left out as unknown.")
@@ -194,9 +188,7 @@ def novelty_predictions(held_out: HeldOut, rule: ScoringRule) -> pd.DataFrame:
 
 
 def novelty_table(
-    predictions: pd.DataFrame,
-    cleared: Collection[Any],
-    bootstrap: GroupBootstrap,
+    predictions: pd.DataFrame, cleared: Collection[Any], bootstrap: GroupBootstrap
 ) -> pd.DataFrame:
     """Return how well each family that was left out is recognised as unknown.
 
