@@ -99,7 +99,6 @@ def cost_table(
         name = f"the cost of deciding {decision!r} when {truth!r} is true"
         matrix[i, k] = check_number(stated.get((decision, truth), float(decision != truth)), name)
     if unknown is not None:
-        others = [row for row, decision in enumerate(rows) if decision not in truths]
         of_classes = matrix[np.array(rows, object) != unknown, :-1]
         least = of_classes[of_classes > 0].min(initial=np.inf)
         if 1 < least < np.inf and not any(unknown in pair for pair in stated):
@@ -107,8 +106,8 @@ def cost_table(
                 f"cost must state a row and a column of the unknown state {unknown!r}: their "
                 f"default 1 is below all other costs, of which the smallest is {least:g}."
             )
-        for row in others:
-            if (rows[row], unknown) not in stated:
+        for row, decision in enumerate(rows):
+            if decision not in truths and (decision, unknown) not in stated:
                 cheapest = (matrix[row, :-1] == of_classes.min(axis=0)).any()
                 matrix[row, -1] = 1.0 if cheapest else matrix[row, :-1].max()
     return label_array(rows, every), matrix
@@ -258,8 +257,7 @@ def _check_labels(
     for _, truth in stated:
         if truth not in truths:
             raise ValueError(
-                f"cost names the class {truth!r} as a truth, which is unknown. Known classes: "
-                f"{truths}."
+                f"cost names the class {truth!r} as a truth, which is unknown. Known: {truths}."
             )
     for decision in rows:
         missing = [truth for truth in known if (decision, truth) not in stated]

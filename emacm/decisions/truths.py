@@ -20,6 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_choice, check_real_array
 
+Array = NDArray[np.float64]
+
 
 def plain_labels(labels: Iterable[Any]) -> list[Any]:
     """Return labels as Python objects, so that those of numpy compare and hash alike.
@@ -151,9 +153,7 @@ def check_classes(y: Any) -> None:
             )
 
 
-def class_priors(
-    priors: Any, classes: NDArray[Any], counts: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def class_priors(priors: Any, classes: NDArray[Any], counts: Array) -> Array:
     """Convert any form of stating priors to one probability per class, Eq. (2.37) of [1]_.
 
     Parameters
@@ -213,10 +213,7 @@ def class_priors(
 
 
 def check_possible(
-    priors: NDArray[np.float64],
-    own: NDArray[np.float64],
-    classes: NDArray[Any],
-    name: str = "estimator",
+    priors: Array, own: Array, classes: NDArray[Any], name: str = "estimator"
 ) -> None:
     """Raise a ValueError if a class has a prior, but none within the posterior of an estimator.
 
@@ -236,9 +233,6 @@ def check_possible(
             f"{name} has the prior 0 of class {classes.tolist()[code]!r}, but priors give it "
             f"{priors[code]:g}. Give {name} another prior."
         )
-
-
-Array = NDArray[np.float64]
 
 
 def truth_labels(classes: NDArray[Any], unknown: Any) -> NDArray[Any]:
