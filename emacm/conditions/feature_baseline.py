@@ -194,8 +194,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         """Fit, and return the features of X before the subtraction."""
         if isinstance(self.transformer, type) or not hasattr(self.transformer, "fit_transform"):
             raise TypeError(
-                f"transformer must be an estimator that computes a table from recordings, such as "
-                f"RecordingStatistics(); got {self.transformer!r}."
+                f"transformer must compute a table from recordings, got {self.transformer!r}."
             )
         found = self._find_healthy(X, y)
         transformer = clone(self.transformer)
@@ -238,8 +237,7 @@ def _values(table: Any) -> NDArray[np.float64]:
     values = check_real_array(table, "the table of the transformer").astype(np.float64)
     if values.ndim != 2:
         raise ValueError(
-            f"the transformer must return a table of shape (n_recordings, n_features), got shape "
-            f"{values.shape}."
+            f"the table of the transformer must have two dimensions, got shape {values.shape}."
         )
     check_finite_table(values, "recording", column_names(table))
     return values

@@ -148,9 +148,10 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
             a single class, or a classifier raises an error (the message gives the condition).
         """
         check_choice(self.unseen, "unseen", ("raise", "pooled"))
-        if isinstance(self.estimator, type) or not hasattr(self.estimator, "get_params"):
-            raise TypeError(f"estimator must be a classifier, got {self.estimator!r}.")
-        if not is_classifier(self.estimator):
+        is_estimator = not isinstance(self.estimator, type) and hasattr(
+            self.estimator, "get_params"
+        )
+        if not is_estimator or not is_classifier(self.estimator):
             raise TypeError(
                 f"estimator must be a classifier or a pipeline that ends in one; got "
                 f"{self.estimator!r}."
@@ -332,8 +333,8 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
                 routes.append(None)  # there is no condition None
             else:
                 raise ValueError(
-                    f"{entry_name(X, index)} has {condition_name(self.condition, value)}, but the "
-                    f"training {list(self.conditions_)}. Train with it, or with unseen='pooled'."
+                    f"{entry_name(X, index)} has {condition_name(self.condition, value)}, but "
+                    f"training has {list(self.conditions_)}. Train with it, or use unseen='pooled'."
                 )
         return routes
 

@@ -375,12 +375,10 @@ class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ig
             further = _resampled_as(first, found.further)
             self._check_alike(further, first.channels, first.theta_s)
         healthy = [rows[row] for row in np.flatnonzero(found.mask)] + further
-        self.baselines_ = {
-            value: mean_baseline(
-                [healthy[row] for row in own], condition_name(self.condition, value)
-            )
-            for value, own in found.rows.items()
-        }
+        self.baselines_ = {}
+        for value, own in found.rows.items():
+            name = condition_name(self.condition, value)
+            self.baselines_[value] = mean_baseline([healthy[row] for row in own], name)
         self._rates, self.conditions_ = found.rates, tuple(self.baselines_)
         self.channels_, self.theta_s_ = first.channels, first.theta_s
         return self
@@ -422,8 +420,7 @@ class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ig
         for index, row in enumerate(rows):
             if isinstance(row, ResidualRecording):
                 raise TypeError(
-                    f"{described(row, index)}: it is a residual already; use one SignalBaseline "
-                    f"only, or give it the output of OrderResampler."
+                    f"{described(row, index)}: it is a residual already; use one SignalBaseline."
                 )
             if row.direction == "travel":
                 raise ValueError(

@@ -187,8 +187,7 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         members, taken = self._named_pairs(), set(super().get_params())
         if not members:
             raise ValueError(
-                f"estimators must be a list of at least one pair (name, classifier), got "
-                f"{self.estimators!r}."
+                f"estimators must be a list of pairs (name, classifier), got {self.estimators!r}."
             )
         names = [name for name, _ in self.estimators]
         if len(members) < len(names) or taken & set(names) or any("__" in name for name in names):

@@ -255,8 +255,7 @@ def truth_labels(classes: NDArray[Any], unknown: Any) -> NDArray[Any]:
     known = plain_labels(classes.tolist())
     if unknown in known:
         raise ValueError(
-            f"unknown = {unknown!r} is a class with recordings. Choose a label that is none of "
-            f"{known}."
+            f"unknown = {unknown!r} is a class with recordings. Choose none of {known}."
         )
     return label_array([*known, unknown], classes)
 

@@ -241,8 +241,7 @@ def _healthy_label(healthy: Any, family_of: Mapping[Any, Any]) -> Any:
     label = family_of.get(healthy, healthy)
     if label not in labels:
         raise ValueError(
-            f"healthy={healthy!r} is neither a class nor a family. Classes: {[*family_of]}; "
-            f"labels that are scored: {labels}."
+            f"healthy={healthy!r} is neither a class nor a family: {[*family_of]}, {labels}."
         )
     return label
 

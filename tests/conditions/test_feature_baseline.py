@@ -97,7 +97,7 @@ def test_commissioning_serves_features_too():
 
 def test_a_transformer_must_make_a_finite_table():
     one_dimensional = FunctionTransformer(lambda X: [1.0 for _ in X])
-    with pytest.raises(ValueError, match="must return a table of shape"):
+    with pytest.raises(ValueError, match="must have two dimensions"):
         FeatureBaseline(one_dimensional).fit([constant(20)], ["normal"])
     not_finite = FunctionTransformer(lambda X: [[np.nan] for _ in X])
     with pytest.raises(ValueError, match="X must be finite, got NaN in recording 0"):

@@ -325,7 +325,7 @@ LOGISTIC = LogisticRegression()
 UNSEEN = ConditionRouter(LOGISTIC, unseen="guess")
 BAD_FITS = [
     (ConditionRouter(LinearRegression()), LOADED, STATES, "estimator must be a classifier or a"),
-    (ConditionRouter(None), LOADED, STATES, "estimator must be a classifier, got None"),
+    (ConditionRouter(None), LOADED, STATES, "estimator must be a classifier or a pipeline that"),
     (ConditionRouter(LogisticRegression), LOADED, STATES, "must be a classifier"),
     (ConditionRouter(LOGISTIC), LOADED, None, r"a classifier needs y, .* call fit\(X, y\)"),
     (ConditionRouter(LOGISTIC), LOADED, "worn", "y must be a list or an array with one class"),
