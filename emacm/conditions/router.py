@@ -148,9 +148,8 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
             a single class, or a classifier raises an error (the message gives the condition).
         """
         check_choice(self.unseen, "unseen", ("raise", "pooled"))
-        is_estimator = not isinstance(self.estimator, type) and hasattr(
-            self.estimator, "get_params"
-        )
+        is_class = isinstance(self.estimator, type)
+        is_estimator = hasattr(self.estimator, "get_params") and not is_class
         if not is_estimator or not is_classifier(self.estimator):
             raise TypeError(
                 f"estimator must be a classifier or a pipeline that ends in one; got "

@@ -42,6 +42,10 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
 
     Attributes
     ----------
+    between_covariance_ : ndarray of shape (n_features, n_features)
+        Covariance of the offset of a unit.
+    within_covariance_ : ndarray of shape (n_features, n_features)
+        Covariance of the recordings of one unit in one class.
     means_ : ndarray of shape (n_classes, n_features)
         Mean of each class over the units (generalised least squares).
     covariances_ : ndarray of shape (n_classes, n_features, n_features)
@@ -145,6 +149,16 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
             self._gaussians = levels.gaussians()
             self.means_, self.covariances_ = self._gaussians.means, self._gaussians.covariances
         return self
+
+    @property
+    def between_covariance_(self) -> Array:
+        """Covariance of the offset of a unit, shape (n_features, n_features)."""
+        return self._unit().between
+
+    @property
+    def within_covariance_(self) -> Array:
+        """Covariance of the recordings of a unit in a class, shape (n_features, n_features)."""
+        return self._unit().within
 
     def prediction_sets(self, X, coverage=0.9, groups=None):
         """Return the classes that cannot be excluded for each recording.

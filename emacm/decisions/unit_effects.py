@@ -51,6 +51,16 @@ class UnitLevels(NamedTuple):
     means: Array
     variances: Array
 
+    @property
+    def between(self) -> Array:
+        """Covariance B of the offset of a unit, shape (n_features, n_features)."""
+        return (self.directions * self.ratios) @ self.directions.T
+
+    @property
+    def within(self) -> Array:
+        """Covariance W of the recordings of one unit in one class."""
+        return self.directions @ self.directions.T
+
     def gaussians(self) -> GaussianClasses:
         """Return the densities of a recording of the unit in each class."""
         total = 1 + np.maximum(self.variances.T, 0.0)[:, np.newaxis, :]  # rounding leaves -1e-17
