@@ -56,9 +56,7 @@ class Comparison(Printed):
 
 
 def compare(
-    evaluations: Mapping[str, Evaluation] | Sequence[Evaluation],
-    *,
-    scheme: str | None = None,
+    evaluations: Mapping[str, Evaluation] | Sequence[Evaluation], *, scheme: str | None = None
 ) -> Comparison:
     """Compare evaluations, for example of several sensors or pipelines.
 

@@ -108,11 +108,9 @@ def confusion(judged: pd.DataFrame, rule: ScoringRule) -> pd.DataFrame:
         Counts; the index is named "decided", the columns "true".
     """
     rows = list(dict.fromkeys([*rule.labels, *judged["decided_label"]]))
-    counts = np.zeros((len(rows), len(rule.classes)), np.int64)
-    places = codes_of(judged["decided_label"], rows), codes_of(judged["truth"], rule.classes)
-    np.add.at(counts, places, 1)
-    index, columns = pd.Index(rows, name="decided"), pd.Index(rule.classes, name="true")
-    return pd.DataFrame(counts, index, columns)
+    names = {"rownames": ["decided"], "colnames": ["true"]}
+    counts = pd.crosstab(judged["decided_label"], judged["truth"], **names)
+    return counts.reindex(index=rows, columns=rule.classes, fill_value=0)
 
 
 def label_posteriors(probabilities: pd.DataFrame, rule: ScoringRule) -> pd.DataFrame:
@@ -138,8 +136,7 @@ def label_posteriors(probabilities: pd.DataFrame, rule: ScoringRule) -> pd.DataF
 
 def codes_of(values: Any, labels: list[Any]) -> NDArray[np.intp]:
     """Return the index of each value among the labels."""
-    place = {label: number for number, label in enumerate(labels)}
-    return np.array([place[value] for value in values], np.intp)
+    return pd.Index(labels).get_indexer(list(values))
 
 
 def auroc_contributions(
