@@ -158,10 +158,7 @@ def are_recordings(X: Any) -> bool:
 
 def common_rates(recordings: Sequence[Any]) -> dict[str, float]:
     """Return the sampling rate of each channel of the first recording that has it [Hz]."""
-    rates: dict[str, float] = {}
-    for recording in recordings:
-        rates = _rates_of(recording) | rates
-    return rates
+    return {k: v for recording in reversed(recordings) for k, v in _rates_of(recording).items()}
 
 
 def check_rates(X: Any, healthy: Mapping[str, float]) -> None:

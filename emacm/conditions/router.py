@@ -33,8 +33,8 @@ def check_labels(y: Any, n_recordings: int) -> None:
         raise ValueError("a classifier needs y, the class of each recording; call fit(X, y).")
     if isinstance(y, str | Mapping) or not np.shape(y):
         raise TypeError(
-            f"y must be a list or an array with one class for each of {n_recordings} recordings, "
-            f"got {type(y).__name__}."
+            f"y must be a list or an array with one class for each recording, got "
+            f"{type(y).__name__}."
         )
     if len(y) != n_recordings:
         raise ValueError(f"y has {len(y)} entries for {n_recordings} recordings.")

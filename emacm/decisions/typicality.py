@@ -305,7 +305,7 @@ class Typicality:
         """
         logs = self.distances.log_squares(X)
         combined = _combine(logs, self.levels, self.peaks, self.used, self.distances.settings)
-        return positive(self.combined.survival(combined))
+        return self.combined.survival(combined)
 
     def second_classes(self, X: Array, codes: Indices) -> Indices:
         """Return the class whose lines recordings have beyond those of their own; -1 if none.
@@ -326,11 +326,6 @@ class Typicality:
         values, others = self.distances.beyond_class(X, codes)
         rare = self.second.survival(values) < self.distances.settings.second_rate
         return np.where(rare, others, -1)
-
-
-def positive(typicality: Array) -> Array:
-    """Return typicality that is positive, however far a recording is."""
-    return np.maximum(typicality, np.finfo(np.float64).tiny)
 
 
 def fit_typicality(X: Array, codes: Indices, units: Indices, weight: Array) -> Typicality:
@@ -384,7 +379,7 @@ def fit_typicality(X: Array, codes: Indices, units: Indices, weight: Array) -> T
     values = _combine(logs, levels, peaks, used, settings)
     combined = student_tail(values, weight[left], settings.expected_combined)
     found = np.full(len(X), np.nan)
-    found[left] = positive(combined.survival(values))
+    found[left] = combined.survival(values)
     feature_range = np.array([X.min(axis=0), X.max(axis=0)])
     some = left[np.isfinite(beyond[left])]
     second = student_tail(beyond[some], weight[some]) if len(some) else None
