@@ -311,7 +311,7 @@ def fit_temperature(
     Returns
     -------
     float
-        Between 1e-6 and 1e6; 1 if there is one class only.
+        Between 1e-6 and 1e6; 1 if there are no recordings, or one class only.
 
     References
     ----------
@@ -323,7 +323,7 @@ def fit_temperature(
     >>> round(fit_temperature(logs, np.array([0, 1, 0, 1]), np.ones(4), np.full(2, 0.5)), 3)
     9.102
     """
-    if log_densities.shape[1] < 2:
+    if not len(codes) or log_densities.shape[1] < 2:
         return 1.0
     own = np.arange(len(codes)), codes
     with np.errstate(divide="ignore"):
