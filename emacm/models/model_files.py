@@ -6,6 +6,7 @@ import importlib
 import json
 import os
 import re
+import sys
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -249,7 +250,10 @@ def model_description(path: str | os.PathLike[str]) -> dict[str, Any]:
     return _read(path)[0]
 
 
-def _skops() -> Any:
+def _skops(unneeded: Sequence[str] = ("cupy", "dask", "pytest", "torch")) -> Any:
+    """Import skops.io, without what it would import by listing all modules of scikit-learn."""
+    absent: dict[str, Any] = dict.fromkeys(name for name in unneeded if name not in sys.modules)
+    sys.modules.update(absent)  # None: not to be imported
     try:
         return importlib.import_module("skops.io")
     except ImportError as error:
@@ -257,6 +261,9 @@ def _skops() -> Any:
             "model files are written by skops, which is not installed; run "
             "pip install 'emacm[models]'."
         ) from error
+    finally:
+        for name in absent:
+            del sys.modules[name]
 
 
 def _read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], bytes]:
