@@ -100,8 +100,8 @@ def evaluate(
     Notes
     -----
     The cost is the one among the estimator's parameters (several that differ are an error);
-    without any, 0-1. Decisions on families of states follow from a cost of `family_costs`. Folds are processed in parallel within
-    ``joblib.parallel_config(n_jobs=4)`` (default: processes).
+    without any, 0-1. Decisions on families of states follow from a cost of `family_costs`. Folds
+    are processed in parallel within ``joblib.parallel_config(n_jobs=4)`` (default: processes).
 
     If a label is held out without being in the training data, the scheme cannot be scored; its row
     is NaN and a caveat gives the group and the label. The bootstrap
