@@ -39,13 +39,11 @@ X, Y = recordings()
 LATER, Y_LATER = recordings(1, n_each=7)
 
 
-def answers_of_evaluate(model, **options):
+def answers_of_evaluate(model):
     """Train on X, decide on LATER: the figures, and one row for each decision."""
     together, truths = np.vstack([X, LATER]), np.append(Y, Y_LATER)
     train, test = np.arange(len(X)), np.arange(len(X), len(together))
     found = evaluate(model, together, truths, splits={"later": (train, test)}, n_splits=2)
-    if options:
-        found = found.rescored(**options)
     rows = found.predictions
     return found.table.loc["later"], rows[rows["scheme"] == "later"]
 
@@ -98,7 +96,7 @@ def test_the_picture_of_outcomes_and_evaluate_count_the_same_decisions_as_correc
     decided = model.predict(LATER)
     truths = as_families(Y_LATER, FAMILIES)
     display = OutcomesDisplay.from_predictions(truths, decided, healthy="fly")
-    row, _ = answers_of_evaluate(model, families=FAMILIES)
+    row, _ = answers_of_evaluate(model)
     assert "inspect" in decided
     assert display.frame()["correct"].iloc[0] == pytest.approx(100 * model.score(LATER, Y_LATER))
     assert row["accuracy"] == pytest.approx(model.score(LATER, Y_LATER))
@@ -134,8 +132,8 @@ def readings(families):
         return [cost.index[cost[label] == 0].tolist() for label in truths]
 
     def by_evaluation():
-        model = CostSensitiveGaussianBayes()
-        return answers_of_evaluate(model, families=families)[1]["true_label"].tolist()
+        model = CostSensitiveGaussianBayes(family_costs(families))
+        return answers_of_evaluate(model)[1]["true_label"].tolist()
 
     def by_labels():
         return as_families(truths, families).tolist()

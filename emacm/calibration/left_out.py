@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -66,7 +65,7 @@ def left_out(
         yield from GroupKFold(n_folds).split(codes, groups=numbers)
 
 
-def single_recordings(codes: Indices, X: Any, max_folds: int = 10) -> Indices:
+def single_recordings(codes: Indices, X: Array, max_folds: int = 10) -> Indices:
     """Return the groups of recordings of which nothing is stated.
 
     The recordings of each class are divided among the folds. Equal rows of a table are together.
@@ -75,8 +74,8 @@ def single_recordings(codes: Indices, X: Any, max_folds: int = 10) -> Indices:
     ----------
     codes : ndarray of int, shape (n_recordings,)
         Number of the class of each recording.
-    X : table, or list of Recording
-        Features, or recordings, which are told apart.
+    X : ndarray of shape (n_recordings, n_features)
+        Features.
     max_folds : int, default=10
         Number of groups.
 
@@ -89,10 +88,7 @@ def single_recordings(codes: Indices, X: Any, max_folds: int = 10) -> Indices:
     >>> single_recordings(np.zeros(3, int), np.array([[4.0], [3.0], [4.0]]))
     array([1, 0, 1])
     """
-    table = X.to_numpy() if hasattr(X, "to_numpy") else X
-    if not isinstance(table, np.ndarray) or table.ndim != 2 or table.dtype.kind not in "fiu":
-        table = np.arange(len(codes))
-    rows = np.column_stack([codes, table])
+    rows = np.column_stack([codes, X])
     return np.unique(rows, axis=0, return_inverse=True)[1].ravel() % max_folds
 
 
@@ -163,7 +159,7 @@ class StudentTail:
     n_expected: float
 
     def survival(self, values: Array) -> Array:
-        """Return the probability that a known recording is at least as far, in [0, 1].
+        """Return the probability that a known recording is at least as far, in (0, 1].
 
         Parameters
         ----------
@@ -185,7 +181,7 @@ class StudentTail:
             stdtr(degrees, -(at + mean * excess)) / self.share, 1.0
         )  # 1 but for rounding
         found[beyond] = (self.peaks.n_peaks + 1) / total * tail
-        return found
+        return np.maximum(found, np.finfo(np.float64).tiny)  # however far it is
 
 
 def student_tail(
@@ -409,8 +405,7 @@ def grouped_quantile(
     if n_groups < groups_needed(coverage):
         raise ValueError(
             f"{n_groups} {name} cannot support a coverage of {coverage:g}, which takes at least "
-            f"{groups_needed(coverage)}; {n_groups} {name} support at most "
-            f"{n_groups / (n_groups + 1):.3g}. Fit with more {name}, or give a smaller coverage."
+            f"{groups_needed(coverage)}; they support at most {n_groups / (n_groups + 1):.3g}."
         )
     shares = 1 / np.bincount(numbers)[numbers]
     if weight is not None:

@@ -32,9 +32,8 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
     condition : hashable, tuple or callable, default="load"
         Key of the recordings' `meta` ("load", "unit"), a tuple of keys, or a function of the
         recording.
-    healthy : label, collection of labels, mapping or callable, default="normal"
-        Healthy recordings: those with these labels in `y`, or with these values in
-        `meta` ({key: value or list of values}), or those for which a function returns True.
+    healthy : label, or collection of labels, default="normal"
+        Healthy recordings: those with these labels in `y`.
     baseline_recordings : list of Recording, optional
         Further healthy recordings, for example of commissioning, used in addition to those in
         X. A condition without healthy recordings in X gets its baseline from them.
@@ -63,8 +62,8 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
     Healthy recordings used in training are part of their own mean: their difference from it is
     smaller than that of new ones, by the factor 1 - 1/n_healthy.
 
-    `fit` warns if there is only one condition, since a constant shift changes no decision of a
-    Gaussian classifier; and if at least 3 recordings of a condition differ from its healthy means
+    With only one condition, it is a constant shift, which changes no decision of a Gaussian
+    classifier. `fit` warns if at least 3 recordings of a condition differ from its healthy means
     by more than 10 times their scatter, in the median over the features (assumed), as they do if
     healthy recordings were measured differently.
 
@@ -100,8 +99,8 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         ----------
         X : list of Recording, or other input of the transformer with `meta`
             Recordings.
-        y : array-like of shape (n_recordings,), optional
-            Labels; needed if `healthy` is a label.
+        y : array-like of shape (n_recordings,)
+            Labels.
 
         Returns
         -------
@@ -148,8 +147,8 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         ----------
         X : list of Recording, or other input of the transformer with `meta`
             Recordings.
-        y : array-like of shape (n_recordings,), optional
-            Labels; needed if `healthy` is a label.
+        y : array-like of shape (n_recordings,)
+            Labels.
 
         Returns
         -------
@@ -195,8 +194,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         """Fit, and return the features of X before the subtraction."""
         if isinstance(self.transformer, type) or not hasattr(self.transformer, "fit_transform"):
             raise TypeError(
-                f"transformer must be an estimator that computes a table from recordings, such as "
-                f"RecordingStatistics(); got {self.transformer!r}."
+                f"transformer must compute a table from recordings, got {self.transformer!r}."
             )
         found = self._find_healthy(X, y)
         transformer = clone(self.transformer)
@@ -212,15 +210,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         return table
 
     def _report_effect(self, X: Any, values: NDArray[np.float64]) -> None:
-        """Warn if the baseline has no effect, or shifts the features more than they scatter."""
-        if len(self.conditions_) == 1:
-            warnings.warn(
-                f"all recordings have the same condition, {self.conditions_[0]!r}, so the same "
-                f"means are subtracted from all of them. This changes no decision of a Gaussian "
-                f"classifier, nor of any other that does not depend on the origin of the "
-                f"features. Leave FeatureBaseline out, or choose a condition that varies.",
-                stacklevel=4,
-            )
+        """Warn if the baseline shifts the features much more than they scatter."""
         found = self._known_conditions(X)
         for condition, mean in self.means_.items():
             own = values[[entry == condition for entry in found]]
@@ -232,9 +222,8 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
                 warnings.warn(
                     f"condition {condition!r}: the features of its {len(own)} recordings differ "
                     f"from the healthy means by {np.median(ratios):.3g} times their scatter "
-                    f"(median over the features). Healthy and other recordings may have been "
-                    f"measured differently: compare sensors, filters, gain and speed, or leave "
-                    f"FeatureBaseline out.",
+                    f"(median over the features). They may have been measured differently: compare "
+                    f"sensors, filters, gain and speed.",
                     stacklevel=4,
                 )
 
@@ -248,8 +237,7 @@ def _values(table: Any) -> NDArray[np.float64]:
     values = check_real_array(table, "the table of the transformer").astype(np.float64)
     if values.ndim != 2:
         raise ValueError(
-            f"the transformer must return a table of shape (n_recordings, n_features), got shape "
-            f"{values.shape}."
+            f"the table of the transformer must have two dimensions, got shape {values.shape}."
         )
     check_finite_table(values, "recording", column_names(table))
     return values

@@ -6,23 +6,17 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import located
-from emacm.decisions.truths import label_list
+from emacm.decisions.truths import label_list, plain_labels
 from emacm.recordings.inputs import RecordingTransformer, described, entry_name, received
 from emacm.recordings.meta import (
-    called,
     condition_name,
     listed_recordings,
-    meta_value,
-    plain_label,
     read_meta,
     sorted_conditions,
 )
-
-_COLLECTIONS = (list, tuple, set, frozenset, np.ndarray, pd.Series, pd.Index)
 
 
 class Healthy(NamedTuple):
@@ -64,9 +58,9 @@ class ConditionBaseline(  # type: ignore[call-arg]
         self.baseline_recordings = baseline_recordings
 
     def __sklearn_tags__(self) -> Any:
-        """Declare that y is needed if `healthy` is a label."""
+        """Declare that y is needed, which names the healthy recordings."""
         tags = super().__sklearn_tags__()
-        tags.target_tags.required = not (callable(self.healthy) or hasattr(self.healthy, "keys"))
+        tags.target_tags.required = True
         return tags
 
     def _find_healthy(self, X: Any, y: ArrayLike | None) -> Healthy:
@@ -77,11 +71,8 @@ class ConditionBaseline(  # type: ignore[call-arg]
             raise TypeError(
                 f"baseline_recordings must be None or a list of recordings, got {received(further)}"
             )
-        if any(isinstance(recording, str) for recording in further):
-            raise ValueError(
-                f"baseline_recordings are not recordings: {further[0]!r}. Set them again to fit a "
-                f"model that was loaded from a model file."
-            )
+        if any(isinstance(recording, str) for recording in further):  # of a model file
+            raise ValueError(f"set baseline_recordings again: {further[0]}.")
         with located("baseline_recordings"):
             known = read_meta(further, self.condition) if further else []
         own = [value for value, good in zip(found, mask, strict=True) if good] + known
@@ -94,8 +85,7 @@ class ConditionBaseline(  # type: ignore[call-arg]
                 raise ValueError(
                     f"none of the {found.count(value)} recordings of "
                     f"{condition_name(self.condition, value)} is healthy (healthy = "
-                    f"{self.healthy!r}). Add healthy ones to X or to baseline_recordings, or leave "
-                    f"this condition out."
+                    f"{self.healthy!r}). Add healthy ones to X or to baseline_recordings."
                 )
         healthy_rows = [X[row] for row in np.flatnonzero(mask)] if are_recordings(X) else []
         rates = common_rates([*healthy_rows, *further])
@@ -111,8 +101,7 @@ class ConditionBaseline(  # type: ignore[call-arg]
             if value not in self.conditions_:
                 raise ValueError(
                     f"{entry_name(X, index)} has {condition_name(self.condition, value)}, but "
-                    f"there are healthy recordings of {list(self.conditions_)} only. Fit with "
-                    f"healthy recordings of it, in X or as baseline_recordings."
+                    f"there are healthy recordings of {list(self.conditions_)} only."
                 )
         return found
 
@@ -125,10 +114,9 @@ def healthy_recordings(X: Any, y: ArrayLike | None, healthy: Any) -> NDArray[np.
     X : sequence of Recording or AngleRecording, or DataFrame
         Recordings.
     y : array-like of shape (n_recordings,) or None
-        Their labels; needed if `healthy` is a label.
-    healthy : label, collection of labels, mapping or callable
-        Labels of `y`; or {key of `meta`: value, or a list of values}, all of
-        which must hold; or a function of the recording that returns a bool.
+        Their labels.
+    healthy : label, or collection of labels
+        Labels of `y`.
 
     Returns
     -------
@@ -136,11 +124,8 @@ def healthy_recordings(X: Any, y: ArrayLike | None, healthy: Any) -> NDArray[np.
 
     Raises
     ------
-    TypeError
-        If a function does not return a bool.
     ValueError
-        If `y` is needed and missing, has another length than X, or does not contain the label;
-        or a recording lacks a key.
+        If `y` is missing, has another length than X, or does not contain the label.
 
     Examples
     --------
@@ -151,28 +136,12 @@ def healthy_recordings(X: Any, y: ArrayLike | None, healthy: Any) -> NDArray[np.
     ... ]
     >>> healthy_recordings(runs, ["new", "worn"], "new").tolist()
     [True, False]
-    >>> healthy_recordings(runs, None, lambda run: run.meta["hours"] < 100).tolist()
-    [True, False]
     """
     entries = listed_recordings(X)
-    if callable(healthy):
-        returned = [called(healthy, entry, i, "healthy") for i, entry in enumerate(entries)]
-        if not all(isinstance(value, bool | np.bool_) for value in returned):
-            raise TypeError(f"healthy as a function must return True or False, got {returned!r}.")
-        return np.array(returned, dtype=bool)
-    if isinstance(healthy, Mapping):
-        allowed = {key: _listed(values) for key, values in healthy.items()}
-        holds = [
-            [meta_value(entry, index, key, "healthy") in own for key, own in allowed.items()]
-            for index, entry in enumerate(entries)
-        ]
-        return np.array([bool(own) and all(own) for own in holds])
     if y is None:
-        raise ValueError(
-            f"healthy = {healthy!r} names labels of y, but no y was given. Call fit(X, y), or let "
-            f"healthy read the recordings: a mapping of meta keys to values, or a function."
-        )
-    labels, wanted = label_list(y), _listed(healthy)
+        raise ValueError(f"healthy = {healthy!r} names labels of y: call fit(X, y).")
+    wanted = [healthy] if isinstance(healthy, str) or not np.iterable(healthy) else healthy
+    labels, wanted = label_list(y), plain_labels(wanted)
     if len(labels) != len(entries):
         raise ValueError(f"y has {len(labels)} labels for {len(entries)} recordings.")
     for label in wanted:
@@ -182,11 +151,6 @@ def healthy_recordings(X: Any, y: ArrayLike | None, healthy: Any) -> NDArray[np.
     return np.array([label in wanted for label in labels])
 
 
-def _listed(values: Any) -> list[Any]:
-    listed = list(values) if isinstance(values, _COLLECTIONS) else [values]
-    return [plain_label(value) for value in listed]
-
-
 def are_recordings(X: Any) -> bool:
     """Return whether X is a list of recordings, over time or over the shaft angle."""
     return isinstance(X, Sequence) and all(hasattr(entry, "channels") for entry in X)
@@ -194,10 +158,7 @@ def are_recordings(X: Any) -> bool:
 
 def common_rates(recordings: Sequence[Any]) -> dict[str, float]:
     """Return the sampling rate of each channel of the first recording that has it [Hz]."""
-    rates: dict[str, float] = {}
-    for recording in recordings:
-        rates = _rates_of(recording) | rates
-    return rates
+    return {k: v for recording in reversed(recordings) for k, v in _rates_of(recording).items()}
 
 
 def check_rates(X: Any, healthy: Mapping[str, float]) -> None:
@@ -232,8 +193,7 @@ def check_rates(X: Any, healthy: Mapping[str, float]) -> None:
                 raise ValueError(
                     f"{described(recording, index)}: channel {channel!r} is sampled at "
                     f"{rate:g} Hz, but in the healthy recordings at {healthy[channel]:g} Hz. "
-                    f"Features of both differ by the measurement, not by the machine: use healthy "
-                    f"recordings of the same sampling rate."
+                    f"Use healthy recordings of the same sampling rate."
                 )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm.decisions.costs import cost_of_some, cost_table, narrow_costs
+from emacm.decisions.costs import cost_of_some, cost_table
 from emacm.decisions.pipelines import final_estimator
 
 
@@ -29,13 +29,12 @@ def narrowed(model: Any, known: NDArray[Any], classes: NDArray[Any]) -> Any:
     estimator
         The same object.
     """
-    narrow_costs(model, known.tolist(), classes.tolist())
-    priors = {
-        name: priors_of_some(value, known, classes)
-        for name, value in model.get_params().items()
-        if name.rpartition("__")[2] == "priors"
-    }
-    return model.set_params(**priors)
+    for name, value in model.get_params().items():
+        if name.rpartition("__")[2] == "cost":
+            model.set_params(**{name: cost_of_some(value, known.tolist(), classes.tolist())})
+        elif name.rpartition("__")[2] == "priors":
+            model.set_params(**{name: priors_of_some(value, known, classes)})
+    return model
 
 
 def with_present_costs(final: Any, model: Any, template: Any, classes: NDArray[Any]) -> Any:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from numbers import Real
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from sklearn import get_config
 from sklearn.base import ClassifierMixin, MetaEstimatorMixin, clone, is_classifier
 from sklearn.metrics import accuracy_score
 from sklearn.utils import get_tags
-from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, process_routing
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
@@ -36,8 +33,8 @@ def check_labels(y: Any, n_recordings: int) -> None:
         raise ValueError("a classifier needs y, the class of each recording; call fit(X, y).")
     if isinstance(y, str | Mapping) or not np.shape(y):
         raise TypeError(
-            f"y must be a list or an array with one class for each of {n_recordings} recordings, "
-            f"got {type(y).__name__}."
+            f"y must be a list or an array with one class for each recording, got "
+            f"{type(y).__name__}."
         )
     if len(y) != n_recordings:
         raise ValueError(f"y has {len(y)} entries for {n_recordings} recordings.")
@@ -46,12 +43,7 @@ def check_labels(y: Any, n_recordings: int) -> None:
 
 def _has(method: str) -> Callable[[Any], bool]:
     """Return whether the last step has a method, for `available_if`."""
-
-    def check(router: ConditionRouter) -> bool:
-        getattr(final_estimator(router.estimator), method)  # its error gives the reason
-        return True
-
-    return check
+    return lambda router: hasattr(final_estimator(router.estimator), method)
 
 
 class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
@@ -68,10 +60,9 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
         Key of the recordings' `meta`, a tuple of keys, or a function of the recording that returns
         something hashable. In a DataFrame, names of columns, which the classifiers do not
         see.
-    unseen : {"raise", "nearest", "pooled"}, default="raise"
-        For a recording of a condition without a classifier: raise an error; use the
-        classifier of the nearest condition (numbers only; the lower of two equally near
-        ones); or use an additional classifier that is fitted on all recordings.
+    unseen : {"raise", "pooled"}, default="raise"
+        For a recording of a condition without a classifier: raise an error, or use an additional
+        classifier that is fitted on all recordings.
     n_jobs : int, optional
         Number of classifiers fitted in parallel, by joblib's active backend (default: threads).
 
@@ -156,22 +147,17 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
             If a parameter, a condition or a class is invalid or missing, a condition has
             a single class, or a classifier raises an error (the message gives the condition).
         """
-        check_choice(self.unseen, "unseen", ("raise", "nearest", "pooled"))
-        is_estimator = hasattr(self.estimator, "get_params") and not isinstance(
-            self.estimator, type
-        )
+        check_choice(self.unseen, "unseen", ("raise", "pooled"))
+        is_class = isinstance(self.estimator, type)
+        is_estimator = hasattr(self.estimator, "get_params") and not is_class
         if not is_estimator or not is_classifier(self.estimator):
             raise TypeError(
                 f"estimator must be a classifier or a pipeline that ends in one; got "
                 f"{self.estimator!r}."
             )
-        if get_config()["enable_metadata_routing"]:
-            fit_params = process_routing(self, "fit", **fit_params).estimator.fit
         found = read_meta(X, self.condition)
         check_labels(y, len(found))
         conditions = sorted_conditions(found)
-        if self.unseen == "nearest":
-            self._check_numbers(conditions)
         groups = [np.flatnonzero([value == other for other in found]) for value in conditions]
         names = [f"of {condition_name(self.condition, value)}" for value in conditions]
         if self.unseen == "pooled":
@@ -194,9 +180,8 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
         with located(f"among the recordings {name}"):
             if len(classes) < 2:
                 raise ValueError(
-                    f"all {len(rows)} are of class {classes.tolist()[0]!r}; a classifier needs two "
-                    f"classes in each condition. Add recordings of another class there, or leave "
-                    f"this condition out."
+                    f"all {len(rows)} are of class {classes.tolist()[0]!r}. Add recordings of "
+                    f"another class there, or leave this condition out."
                 )
             return model.fit(chosen_rows(X, rows), labels, **some)
 
@@ -320,17 +305,6 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
         routes = self._routes(X)
         return [self.pooled_ if route is None else self.estimators_[route] for route in routes]
 
-    def get_metadata_routing(self) -> MetadataRouter:
-        """Return the routing of arguments: those of `fit` are the classifier's.
-
-        Returns
-        -------
-        MetadataRouter
-        """
-        mapping = MethodMapping().add(caller="fit", callee="fit")
-        router = MetadataRouter(owner=type(self).__name__).add_self_request(self)
-        return router.add(estimator=self.estimator, method_mapping=mapping)
-
     def __sklearn_tags__(self) -> Any:
         """Declare that X is not a 2-D table; the classes are those of the classifier."""
         tags, inner = super().__sklearn_tags__(), get_tags(self.estimator)
@@ -348,14 +322,6 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
             raise ValueError(f"X has no columns besides the condition, {list(keys)}; add features.")
         return inner
 
-    def _check_numbers(self, values: Sequence[Any]) -> None:
-        for value in values:
-            if isinstance(value, bool) or not isinstance(value, Real):
-                raise ValueError(
-                    f"unseen='nearest' needs conditions that are numbers, but there is "
-                    f"{condition_name(self.condition, value)}. Use 'raise' or 'pooled'."
-                )
-
     def _routes(self, X: Any) -> list[Any]:
         """Return the condition of the classifier of each recording; None for the pooled one."""
         routes: list[Any] = []
@@ -364,14 +330,10 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
                 routes.append(value)
             elif self.unseen == "pooled" and hasattr(self, "pooled_"):
                 routes.append(None)  # there is no condition None
-            elif self.unseen == "nearest":
-                self._check_numbers([value, *self.conditions_])
-                routes.append(min(self.conditions_, key=lambda known: (abs(known - value), known)))
             else:
                 raise ValueError(
-                    f"{entry_name(X, index)} has {condition_name(self.condition, value)}, but the "
-                    f"conditions in training were {list(self.conditions_)}. Fit with recordings of "
-                    f"it, or with unseen='nearest' or 'pooled'."
+                    f"{entry_name(X, index)} has {condition_name(self.condition, value)}, but "
+                    f"training has {list(self.conditions_)}. Train with it, or use unseen='pooled'."
                 )
         return routes
 

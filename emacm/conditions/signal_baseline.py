@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_choice, located
+from emacm._checks import located
 from emacm.conditions.healthy import ConditionBaseline, check_rates
 from emacm.recordings.digests import content_digest
 from emacm.recordings.inputs import as_recordings, check_channels, described
@@ -92,8 +92,6 @@ class AngleBaseline:
     ----------
     theta_s : float
         Distance of the grid angles [rad].
-    align : {"angle", "start"}
-        Whether grid angles are counted from shaft angle 0, or from the start of a stroke.
     sections : mapping of {1, -1, 0} to tuple of GridSignals
         Mean signals of each direction, counted along the motion.
     name : str
@@ -103,7 +101,6 @@ class AngleBaseline:
     """
 
     theta_s: float = field(compare=False)
-    align: str = field(compare=False)
     sections: Mapping[int, tuple[GridSignals, ...]] = field(compare=False)
     name: str = field(default="", compare=False)
     digest: str = field(init=False)
@@ -113,7 +110,7 @@ class AngleBaseline:
         ways = sorted(self.sections.items())
         facts = [(way, [part.first for part in parts]) for way, parts in ways]
         arrays = [part.signals for _, parts in ways for part in parts]
-        digest = content_digest(repr((self.theta_s, self.align, facts)), arrays)
+        digest = content_digest(repr((self.theta_s, facts)), arrays)
         object.__setattr__(self, "digest", digest)
 
     def __repr__(self) -> str:
@@ -121,17 +118,13 @@ class AngleBaseline:
         return f"AngleBaseline({self.name}; {self.digest})"
 
 
-def mean_baseline(
-    recordings: Sequence[AngleRecording], *, align: str = "angle", name: str = ""
-) -> AngleBaseline:
+def mean_baseline(recordings: Sequence[AngleRecording], name: str) -> AngleBaseline:
     """Average recordings at each shaft angle, separately for each direction.
 
     Parameters
     ----------
     recordings : sequence of AngleRecording
         Recordings with the same theta_s and channels.
-    align : {"angle", "start"}
-        Align strokes by their shaft angle, or by the angle travelled since their start.
     name : str
         Condition of the recordings.
 
@@ -141,24 +134,18 @@ def mean_baseline(
         At angles that at least half of the recordings contain (of those with strokes in
         this direction).
     """
-    strokes = [[GridStroke.of(stroke, align) for stroke in each.strokes] for each in recordings]
+    strokes = [[GridStroke.of(stroke) for stroke in each.strokes] for each in recordings]
     sections = {}
     for direction in sorted({stroke.direction for own in strokes for stroke in own}):
-        found = [
-            [
-                GridSignals(stroke.first, stroke.signals)
-                for stroke in own
-                if stroke.direction == direction
-            ]
-            for own in strokes
-        ]
-        sections[direction] = mean_sections([own for own in found if own])
-    return AngleBaseline(recordings[0].theta_s, align, sections, name)
+        found = ([each for each in own if each.direction == direction] for own in strokes)
+        parts = [[GridSignals(each.first, each.signals) for each in own] for own in found if own]
+        sections[direction] = mean_sections(parts)
+    return AngleBaseline(recordings[0].theta_s, sections, name)
 
 
 @dataclass(frozen=True)
 class GridStroke(AngleStroke):
-    """A stroke, or a section of one, resampled at the angles of a common grid.
+    """A stroke, or a section of one, resampled at whole multiples of theta_s.
 
     Attributes
     ----------
@@ -178,11 +165,9 @@ class GridStroke(AngleStroke):
     baseline: NDArray[np.floating] | None = field(default=None, repr=False, compare=False)
 
     @classmethod
-    def of(cls, stroke: AngleStroke, align: str) -> GridStroke:
-        """Align a stroke; by "angle", its samples are at whole multiples of theta_s."""
+    def of(cls, stroke: AngleStroke) -> GridStroke:
+        """Align a stroke: its samples are at whole multiples of theta_s."""
         theta_s = stroke.parent.theta_s
-        if align == "start":
-            return cls(stroke.parent, stroke.path, 0, stroke.n_angles, 0)
         path, first, skipped = _on_grid(stroke.path, theta_s)
         count = path.count(theta_s) - skipped
         return cls(stroke.parent, path, skipped, count, first + skipped)
@@ -255,7 +240,7 @@ class ResidualRecording(AngleRecording):
         sections = tuple(
             aligned.section(low, high, known.signals[:, low - known.first : high - known.first])
             for stroke in super().strokes
-            for aligned in [GridStroke.of(stroke, self.baseline.align)]
+            for aligned in [GridStroke.of(stroke)]
             for known in self.baseline.sections.get(stroke.direction, ())
             for low in [max(aligned.first, known.first)]
             for high in [min(aligned.first + aligned.count, known.stop)]
@@ -265,8 +250,7 @@ class ResidualRecording(AngleRecording):
             starts = [f"{stroke.start_angle:.4g}" for stroke in super().strokes[:4]]
             raise ValueError(
                 f"no stroke of it, which start at {', '.join(starts)} rad, is within the shaft "
-                f"angles of the healthy recordings of {self.baseline.name}. Use healthy recordings "
-                f"of the same motion, or align='start'."
+                f"angles of the healthy recordings of {self.baseline.name}."
             )
         return sections
 
@@ -299,16 +283,12 @@ class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ig
     condition : hashable, tuple or callable, default="load"
         Key of the recordings' `meta` ("load", "unit"), a tuple of keys, or a function of the
         recording.
-    healthy : label, collection of labels, mapping or callable, default="normal"
-        Healthy recordings: those with these labels in `y`, or with these values in
-        `meta` ({key: value or list of values}), or those for which a function returns True.
+    healthy : label, or collection of labels, default="normal"
+        Healthy recordings: those with these labels in `y`.
     baseline_recordings : list of Recording or AngleRecording, optional
         Further healthy recordings, for example of commissioning, used in addition to those in
         X. A condition without healthy recordings in X gets its baseline from them. Recordings
         over time are resampled as X is.
-    align : {"angle", "start"}, default="angle"
-        Align strokes by their shaft angle, or by the angle travelled since their start, for
-        angles without a fixed zero (only a velocity was recorded).
 
     Attributes
     ----------
@@ -362,10 +342,8 @@ class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ig
         condition: Any = "load",
         healthy: Any = "normal",
         baseline_recordings: Sequence[Any] | None = None,
-        align: str = "angle",
     ) -> None:
         super().__init__(condition, healthy, baseline_recordings)
-        self.align = align
 
     def fit(self, X: Any, y: ArrayLike | None = None) -> SignalBaseline:
         """Average the healthy recordings of each condition.
@@ -374,8 +352,8 @@ class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ig
         ----------
         X : list of AngleRecording
             Recordings, as `OrderResampler` returns them.
-        y : array-like of shape (n_recordings,), optional
-            Labels; needed if `healthy` is a label.
+        y : array-like of shape (n_recordings,)
+            Labels.
 
         Returns
         -------
@@ -389,7 +367,6 @@ class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ig
             recording, or channels, `theta_s` or sampling rates differ; the message gives the
             recording or the condition.
         """
-        check_choice(self.align, "align", ("angle", "start"))
         rows = as_angle_recordings(X, "SignalBaseline")
         found = self._find_healthy(rows, y)
         first = rows[0]
@@ -398,14 +375,10 @@ class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ig
             further = _resampled_as(first, found.further)
             self._check_alike(further, first.channels, first.theta_s)
         healthy = [rows[row] for row in np.flatnonzero(found.mask)] + further
-        self.baselines_ = {
-            value: mean_baseline(
-                [healthy[row] for row in own],
-                align=self.align,
-                name=condition_name(self.condition, value),
-            )
-            for value, own in found.rows.items()
-        }
+        self.baselines_ = {}
+        for value, own in found.rows.items():
+            name = condition_name(self.condition, value)
+            self.baselines_[value] = mean_baseline([healthy[row] for row in own], name)
         self._rates, self.conditions_ = found.rates, tuple(self.baselines_)
         self.channels_, self.theta_s_ = first.channels, first.theta_s
         return self
@@ -447,13 +420,12 @@ class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ig
         for index, row in enumerate(rows):
             if isinstance(row, ResidualRecording):
                 raise TypeError(
-                    f"{described(row, index)}: it is a residual already; use one SignalBaseline "
-                    f"only, or give it the output of OrderResampler."
+                    f"{described(row, index)}: it is a residual already; use one SignalBaseline."
                 )
-            if row.direction == "travel" and self.align == "angle":
+            if row.direction == "travel":
                 raise ValueError(
-                    "align='angle' needs strokes of one direction each, but direction='travel' of "
-                    "OrderResampler joins them. Use align='start'."
+                    "SignalBaseline needs strokes of one direction each, but direction='travel' of "
+                    "OrderResampler joins them. Use direction='strokes'."
                 )
 
 

@@ -15,6 +15,7 @@ from sklearn.utils.validation import check_is_fitted, column_or_1d, validate_dat
 
 from emacm._checks import check_choice, check_number, check_table, check_weights, positive_weights
 from emacm._saved import SavedEstimator
+from emacm.calibration.left_out import Array, Indices
 from emacm.decisions.costs import cost_table
 from emacm.decisions.gaussians import (
     ClassMoments,
@@ -23,34 +24,22 @@ from emacm.decisions.gaussians import (
     class_moments,
     diagonals,
 )
-from emacm.decisions.left_out_calibration import (
-    LeftOutCalibration,
-    LeftOutMixin,
-    Training,
-    check_temperature,
-    check_unknown_rate,
-    warn_without_groups,
-)
-from emacm.decisions.risks import LeastRiskMixin
+from emacm.decisions.left_out_calibration import LeftOutMixin, check_temperature
 from emacm.decisions.truths import check_classes, label_positions, truth_priors
-from emacm.decisions.typicality import Typicality, fit_typicality
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 def can_add_recordings(classifier: Any) -> bool:
     """Return True if `partial_fit` is available; otherwise an AttributeError states the reason."""
     left_out = classifier.unknown is not None or classifier.temperature == "groups"
-    if left_out or classifier.shrinkage == "auto":
+    if left_out or classifier.shrinkage == "auto" or classifier.needs_groups:
         raise AttributeError(
-            'partial_fit is not available with shrinkage="auto", unknown= or temperature="groups", '
-            'which need all recordings at once. Use "oas" or a number, or fit.'
+            'partial_fit is not available with shrinkage="auto", unknown=, temperature="groups" or '
+            'units, which need all recordings at once. Use "oas" or a number, or fit.'
         )
     return True
 
 
-class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, SavedEstimator):
+class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
     """Gaussian Bayes classifier that takes the decision of least conditional risk.
 
     Each class has a Gaussian density, Eqs. (2.44)-(2.46) of [1]_. The decision minimises
@@ -152,6 +141,8 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
     array(['worn'], dtype='<U7')
     """
 
+    needs_groups = False
+
     def __init__(
         self,
         cost: Any = None,
@@ -205,8 +196,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         UserWarning
             If `groups` are needed and not given.
         """
-        check_parameters(self.covariance, self.shrinkage, self.temperature)
-        check_unknown_rate(self.unknown_rate, self.unknown)
+        self._check_parameters()
         check_classes(y)
         check_table(X)
         X, y = validate_data(self, X, y, dtype=np.float64, ensure_min_samples=2)
@@ -225,24 +215,18 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         self._check_fitted(stacklevel=3)
         self._checked = True
         if groups is not None or self.unknown is not None or isinstance(self.temperature, str):
-            warn_without_groups(groups, stacklevel=2)
-            self._leave_out(X, codes, groups, weight, {})
+            self._leave_out(X, codes, groups, weight)
         return self
 
-    def _fit_typicality(self, training: Training) -> Typicality:
-        return fit_typicality(*training[:4])
-
-    def _judge(self, training: Training, others: Indices, rows: Indices) -> Array:
-        """Return the log densities of some recordings under classes fitted to others.
-
-        Singular covariances are raised to the floor. -inf for classes of which too few remain.
-        """
-        X, codes, _, weight, _ = training
-        kind, some = (self.covariance, self.shrinkage), (X[others], codes[others])
-        moments = class_moments(*some, len(self.classes_), weight[others], *kind)
+    def _judge(
+        self, X: Array, codes: Indices, units: Indices, weight: Array, X_left: Array
+    ) -> Array:
+        """Singular covariances are raised to the floor."""
+        kind = self.covariance, self.shrinkage
+        moments = class_moments(X, codes, len(self.classes_), weight, *kind)
         seen = (moments.counts > 0) & (moments.divisors > 0)
-        logs = class_gaussians(moments, *kind, some, floored=True).log_densities(X[rows])
-        return np.where(seen, logs, -np.inf)
+        gaussians = class_gaussians(moments, *kind, (X, codes), floored=True)
+        return np.where(seen, gaussians.log_densities(X_left), -np.inf)
 
     @available_if(can_add_recordings)
     def partial_fit(self, X, y, classes=None, sample_weight=None):
@@ -273,7 +257,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
             If `classes` is missing or changes, `y` contains another class, or a parameter or an
             input is invalid.
         """
-        check_parameters(self.covariance, self.shrinkage, self.temperature)
+        self._check_parameters()
         known = getattr(self, "classes_", None)
         check_classes(y)
         check_table(X)
@@ -367,7 +351,20 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         X = self._checked_features(X)
         return self._gaussians.log_density_gradients(X) / self.temperature_
 
-    def _checked_features(self, X) -> Array:
+    def _check_parameters(self) -> None:
+        check_choice(self.covariance, "covariance", ("full", "tied", "diag"))
+        if isinstance(self.shrinkage, str):
+            check_choice(self.shrinkage, "shrinkage as a word", ("oas", "auto"))
+        elif self.shrinkage is not None:
+            name = 'shrinkage, if not None, "oas" or "auto",'
+            check_number(self.shrinkage, name, at_least=0, at_most=1)
+        check_temperature(self.temperature)
+        if self.unknown_rate is not None:
+            check_number(self.unknown_rate, "unknown_rate", above=0, below=1)
+            if self.unknown is None:
+                raise ValueError('unknown_rate needs an unknown state: unknown="unknown".')
+
+    def _checked_features(self, X: Any) -> Array:
         check_is_fitted(self)
         check_table(X)
         X = validate_data(self, X, dtype=np.float64, reset=False)
@@ -384,7 +381,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         self.classes_, self.class_count_, self.means_ = classes, moments.counts, moments.means
         self.covariances_ = gaussians.covariances[0] if moments.pooled else gaussians.covariances
         self._moments, self._gaussians, self._checked = moments, gaussians, False
-        self._calibration = LeftOutCalibration()
+        self._typicality = self._temperature = self._left_out = None
 
     def _check_fitted(self, stacklevel: int) -> None:
         """Raise an error if a covariance cannot be used; warn if it was raised to the floor."""
@@ -411,12 +408,8 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         )
         if self.shrinkage is not None:
             raise ValueError(f"{what} with shrinkage={self.shrinkage!r}. {remedy}")
-        warnings.warn(
-            f"{what}; its eigenvalues were raised to 1e-9 of the largest feature variance. "
-            f"{remedy}",
-            UserWarning,
-            stacklevel=stacklevel,
-        )
+        raised = "its eigenvalues were raised to 1e-9 of the largest feature variance"
+        warnings.warn(f"{what}; {raised}. {remedy}", UserWarning, stacklevel=stacklevel)
 
     def _named(self, groups: NDArray[np.bool_]) -> str:
         if self._moments.pooled:
@@ -424,25 +417,13 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         return "class " + ", ".join(repr(label) for label in self.classes_[groups].tolist())
 
 
-def check_parameters(covariance: Any, shrinkage: Any, temperature: Any) -> None:
-    """Raise if a parameter of `CostSensitiveGaussianBayes` is invalid."""
-    check_choice(covariance, "covariance", ("full", "tied", "diag"))
-    if isinstance(shrinkage, str):
-        check_choice(shrinkage, "shrinkage as a word", ("oas", "auto"))
-    elif shrinkage is not None:
-        name = 'shrinkage, if not None, "oas" or "auto",'
-        check_number(shrinkage, name, at_least=0, at_most=1)
-    check_temperature(temperature)
-
-
 def as_counts(weight: Array, shrinkage: Any) -> Array:
     """Return weights as counts; those whose sum is 1 are relative. "auto" needs counts of 1."""
     counts = weight * len(weight) if np.isclose(weight.sum(), 1, rtol=1e-9) else weight
     if shrinkage == "auto" and not np.allclose(counts, 1, rtol=1e-9):
         raise ValueError(
-            'shrinkage="auto" cannot be used with sample weights other than 1: Ledoit-Wolf '
-            "needs fourth moments of the recordings, for which weights have no meaning. "
-            'Use "oas" or a number.'
+            'shrinkage="auto" cannot be used with sample weights other than 1, which have no '
+            'meaning for fourth moments. Use "oas" or a number.'
         )
     return counts
 

@@ -24,7 +24,6 @@ from emacm._checks import check_number
 from emacm.decisions.truths import (
     check_distinct,
     label_array,
-    numbered_hint,
     plain_labels,
     truth_labels,
 )
@@ -100,96 +99,58 @@ def cost_table(
         name = f"the cost of deciding {decision!r} when {truth!r} is true"
         matrix[i, k] = check_number(stated.get((decision, truth), float(decision != truth)), name)
     if unknown is not None:
-        others = [row for row, decision in enumerate(rows) if decision not in truths]
         of_classes = matrix[np.array(rows, object) != unknown, :-1]
         least = of_classes[of_classes > 0].min(initial=np.inf)
         if 1 < least < np.inf and not any(unknown in pair for pair in stated):
             raise ValueError(
-                f"cost must state the costs of the unknown state {unknown!r}, a row and a column: "
-                f"their default 1 is below all others (the smallest is {least:g}), so that it "
-                f"would nearly always be decided."
+                f"cost must state a row and a column of the unknown state {unknown!r}: their "
+                f"default 1 is below all other costs, of which the smallest is {least:g}."
             )
-        for row in others:
-            if (rows[row], unknown) not in stated:
+        for row, decision in enumerate(rows):
+            if decision not in truths and (decision, unknown) not in stated:
                 cheapest = (matrix[row, :-1] == of_classes.min(axis=0)).any()
                 matrix[row, -1] = 1.0 if cheapest else matrix[row, :-1].max()
     return label_array(rows, every), matrix
 
 
-def cost_parameters(estimator: Any) -> dict[str, Any]:
-    """Return all costs among the parameters of an estimator, nested ones included, by name.
+def stated_costs(estimator: Any) -> dict[str, Any]:
+    """Return the cost by which an estimator decides, its unknown state and its priors.
 
-    Examples
-    --------
-    >>> from sklearn.pipeline import make_pipeline
-    >>> from emacm import CostSensitiveGaussianBayes
-    >>> cost_parameters(make_pipeline(CostSensitiveGaussianBayes(cost={("a", "b"): 10})))
-    {'costsensitivegaussianbayes__cost': {('a', 'b'): 10}}
-    """
-    parameters = estimator.get_params() if hasattr(estimator, "get_params") else {}
-    return {name: value for name, value in parameters.items() if name.rpartition("__")[2] == "cost"}
-
-
-def stated_cost(estimator: Any) -> Any:
-    """Return the cost by which an estimator decides, found among its parameters.
-
-    The cost of an estimator inside another one that has a cost (a member of a
-    `PosteriorProduct`, for example) does not count: the outer one decides.
+    They are found among its parameters. Those of an estimator inside another one that has a cost (a
+    member of a `PosteriorProduct`, for example) do not count: the outer one decides.
 
     Returns
     -------
-    None, array-like, DataFrame or mapping
-        None if there is none.
+    dict
+        "cost", "unknown" and "priors"; None if they are not stated, or differ.
 
     Raises
     ------
     ValueError
         If there are several costs that differ.
-    """
-    stated = _of_deciders(estimator, "cost")
-    if len(stated) > 1:
-        raise ValueError(
-            "the estimator has several costs that differ. Give cost=, the cost that applies to its "
-            "decisions."
-        )
-    return stated[0] if stated else None
-
-
-def stated_truths(estimator: Any) -> tuple[Any, Any]:
-    """Return the label of the unknown state and the priors of an estimator that has a cost.
-
-    Both are found where `stated_cost` finds the cost.
-
-    Returns
-    -------
-    unknown : label or None
-        None if there is no unknown state, or several that differ.
-    priors : None, "uniform", array-like or mapping
-        None if they are not stated, or differ.
 
     Examples
     --------
     >>> from sklearn.pipeline import make_pipeline
     >>> from emacm import CostSensitiveGaussianBayes
     >>> model = CostSensitiveGaussianBayes(unknown="unknown", priors="uniform")
-    >>> stated_truths(make_pipeline(model))
-    ('unknown', 'uniform')
+    >>> stated_costs(make_pipeline(model))
+    {'cost': None, 'unknown': 'unknown', 'priors': 'uniform'}
     """
-    found = [_of_deciders(estimator, name) for name in ("unknown", "priors")]
-    unknown, priors = (stated[0] if len(stated) == 1 else None for stated in found)
-    return unknown, priors
-
-
-def _of_deciders(estimator: Any, name: str) -> list[Any]:
-    """Return the distinct values of a parameter of the estimators that have a cost.
-
-    Of those that are not inside another such one; values that are None are left out.
-    """
-    owners = [cost.removesuffix("cost") for cost in cost_parameters(estimator)]
+    given = estimator.get_params() if hasattr(estimator, "get_params") else {}
+    owners = [name.removesuffix("cost") for name in given if name.rpartition("__")[2] == "cost"]
     outer = [o for o in owners if not any(o != other and o.startswith(other) for other in owners)]
-    given = estimator.get_params() if owners else {}
-    values = [given[owner + name] for owner in outer if given.get(owner + name) is not None]
-    return list({joblib.hash(value): value for value in values}.values())
+    stated = {}
+    for name in ("cost", "unknown", "priors"):
+        values = [given[owner + name] for owner in outer if given.get(owner + name) is not None]
+        distinct = {joblib.hash(value): value for value in values}
+        if name == "cost" and len(distinct) > 1:
+            raise ValueError(
+                "the estimator has several costs that differ. Put it into a LeastRiskClassifier "
+                "with the cost of its decisions."
+            )
+        stated[name] = values[0] if len(distinct) == 1 else None
+    return stated
 
 
 def cost_of_some(cost: Any, known: Sequence[Any], all_classes: Sequence[Any]) -> Any:
@@ -234,26 +195,6 @@ def cost_of_some(cost: Any, known: Sequence[Any], all_classes: Sequence[Any]) ->
     kept = [place for place, label in enumerate(all_classes) if label in known]
     kept += range(n_classes, len(cost))  # the last may be the unknown state
     return np.asarray(cost)[np.ix_(kept, kept)]
-
-
-def narrow_costs(estimator: Any, known: Sequence[Any], all_classes: Sequence[Any]) -> Any:
-    """Restrict all costs of an estimator, nested ones included, to the classes that occur.
-
-    Parameters
-    ----------
-    estimator : estimator
-        It is changed; pass a clone.
-    known, all_classes : sequence
-        As for `cost_of_some`.
-
-    Returns
-    -------
-    estimator
-        The same object.
-    """
-    costs = cost_parameters(estimator)
-    narrow = {name: cost_of_some(cost, known, all_classes) for name, cost in costs.items()}
-    return estimator.set_params(**narrow) if narrow else estimator
 
 
 def check_pairs(cost: Mapping[Any, Any]) -> None:
@@ -304,8 +245,7 @@ def _square(cost: Any, known: list[Any], truths: list[Any]) -> NDArray[Any]:
         raise ValueError(
             f"cost must be a square array of shape {(len(known),) * 2}, rows = decisions and "
             f"columns = true classes in the order of the classes {known}; got shape {array.shape}. "
-            f"Decisions that are not classes need names: pass a pandas DataFrame with "
-            f"index = decisions and columns = classes."
+            f"Decisions that are not classes need names: pass a DataFrame."
         )
     return array
 
@@ -317,8 +257,7 @@ def _check_labels(
     for _, truth in stated:
         if truth not in truths:
             raise ValueError(
-                f"cost names the class {truth!r} as a truth, which is unknown. Known classes: "
-                f"{truths}.{numbered_hint(known, [truth])}"
+                f"cost names the class {truth!r} as a truth, which is unknown. Known: {truths}."
             )
     for decision in rows:
         missing = [truth for truth in known if (decision, truth) not in stated]

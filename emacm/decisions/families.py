@@ -55,8 +55,7 @@ def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
     for state, family in _pairs(families):
         if family_of.setdefault(state, family) != family:
             raise ValueError(
-                f"families puts the state {state!r} into {family_of[state]!r} and into {family!r}; "
-                f"each state belongs to one family."
+                f"families puts the state {state!r} into {family_of[state]!r} and into {family!r}."
             )
     for family in family_of.values():
         if family_of.get(family, family) != family:
@@ -265,8 +264,8 @@ def set_costs(
         raise ValueError(f"opening and left must have the same parts; got {parts}, {list(left)}.")
     if len(parts) > 10:
         raise ValueError(
-            f"opening has {len(parts)} parts, and their sets are 2**{len(parts)} decisions: decide "
-            f"each part alone, by P(faulty) > opening / left."
+            f"opening has {len(parts)} parts, at most 10 are possible: decide each part alone, by "
+            f"P(faulty) > opening / left."
         )
     found = {
         state: set() if state == healthy else set(state.split(" + "))
@@ -302,8 +301,7 @@ def _pairs(families: Mapping[Any, Any]) -> list[tuple[Any, Any]]:
     for name, content in families.items():
         if not (len(content) if lists[name] else content == name):
             raise ValueError(
-                f"families must have a list of states for the family {name!r}, since others have; "
-                f"got {content!r}."
+                f"families must have a list of states for {name!r}, as others; got {content!r}."
             )
     listed = {name: each if lists[name] else [each] for name, each in families.items()}
     return [(state, name) for name, each in listed.items() for state in plain_labels(each)]
@@ -315,8 +313,7 @@ def _alarm_costs(
     """Return costs between families that contain those of missed detections and false alarms."""
     if healthy not in families:
         raise ValueError(
-            f"missed and false_alarm need healthy, one of the families {families}; "
-            f"got healthy={healthy!r}."
+            f"missed and false_alarm need healthy, one of {families}; got healthy={healthy!r}."
         )
     if not isinstance(costs, Mapping | None):
         raise ValueError(

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import lapack
 
-Array = NDArray[np.float64]
+from emacm.calibration.left_out import Array, Indices
 
 
 @dataclass(frozen=True)
@@ -102,10 +102,9 @@ def class_gaussians(
     moments: ClassMoments,
     covariance: str = "full",
     shrinkage: Any = None,
-    recordings: tuple[Array, NDArray[np.intp]] | None = None,
+    recordings: tuple[Array, Indices] | None = None,
     *,
     floored: bool | None = None,
-    floor: float = 1e-9,
 ) -> GaussianClasses:
     """Compute the densities of `CostSensitiveGaussianBayes` from moments.
 
@@ -118,9 +117,8 @@ def class_gaussians(
     recordings : tuple of (X, codes)
         Features, and the number of the class of each recording; needed for "auto" only.
     floored : bool, default=None
-        Whether the eigenvalues of a singular covariance are raised. None: without shrinkage.
-    floor : float, default=1e-9
-        Least eigenvalue of a singular covariance, per largest feature variance.
+        Whether the eigenvalues of a singular covariance are raised to 1e-9 of the largest feature
+        variance. None: without shrinkage.
 
     Returns
     -------
@@ -139,7 +137,7 @@ def class_gaussians(
     coefficients = shrinkage_coefficients(moments, shrinkage, recordings)
     covariances = shrink(scatter, *coefficients, factors=inverse)
     floored = shrinkage is None if floored is None else floored
-    least = floor * moments.feature_variances.max() if floored else 0.0
+    least = 1e-9 * moments.feature_variances.max() if floored else 0.0
     factors, log_determinants = np.zeros_like(covariances), np.zeros(len(covariances))
     singular = np.zeros(len(covariances), dtype=bool)
     for group, found in enumerate(covariances):
@@ -153,13 +151,12 @@ def class_gaussians(
 
 
 def shrinkage_coefficients(
-    moments: ClassMoments, shrinkage: Any, recordings: tuple[Array, NDArray[np.intp]] | None
+    moments: ClassMoments, shrinkage: Any, recordings: Any
 ) -> tuple[ArrayLike, ArrayLike]:
     """Return the arguments `coefficients` and `squared_scales` of `shrink`."""
     if shrinkage == "auto":
-        if recordings is None:
-            raise ValueError('shrinkage="auto" needs the recordings.')
-        return ledoit_wolf_coefficients(*recordings, moments.means, pooled=moments.pooled)
+        X, codes = recordings
+        return ledoit_wolf_coefficients(X, codes, moments.means, pooled=moments.pooled)
     if shrinkage == "oas":
         pairs = zip(moments.scatter, moments.group_counts, strict=True)
         return [oas_coefficient(scatter, count) for scatter, count in pairs], 1.0
@@ -255,7 +252,7 @@ def oas_coefficient(scatter: ArrayLike, count: float) -> float:
 
 
 def ledoit_wolf_coefficients(
-    X: Array, codes: NDArray[np.intp], means: Array, *, pooled: bool
+    X: Array, codes: Indices, means: Array, *, pooled: bool
 ) -> tuple[Array, Array]:
     """Return Ledoit-Wolf coefficients of standardised features, as in scikit-learn's LDA.
 
@@ -460,7 +457,7 @@ class ClassMoments:
 
 def class_moments(
     X: Array,
-    codes: NDArray[np.intp],
+    codes: Indices,
     n_classes: int,
     weight: Array | None = None,
     covariance: str = "full",

@@ -4,42 +4,34 @@ from __future__ import annotations
 
 import warnings
 from bisect import bisect_right
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
-from scipy.special import log_softmax
-from sklearn.base import clone
+from scipy.special import softmax
 from sklearn.exceptions import NotFittedError
 from sklearn.utils.metaestimators import available_if
-from sklearn.utils.validation import check_is_fitted, has_fit_parameter
+from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_choice, check_number, group_codes, located
+from emacm._checks import check_choice, check_number, group_codes
 from emacm.calibration.left_out import (
-    StudentTail,
+    Array,
+    Indices,
     check_judged,
     fit_temperature,
     left_out,
     single_recordings,
-    student_tail,
 )
-from emacm.decisions.pipelines import parameters_of_rows
-from emacm.decisions.risks import decide
+from emacm.decisions.risks import LeastRiskMixin, decide
 from emacm.decisions.truths import states_unknown, truth_priors
 from emacm.decisions.typicality import (
     Typicality,
     evidence_for_unknown,
-    positive,
+    fit_typicality,
     unknown_probability,
 )
-from emacm.recordings.meta import chosen_rows
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 def has_unknown(classifier: Any) -> bool:
@@ -51,19 +43,6 @@ def has_unknown(classifier: Any) -> bool:
     return True
 
 
-def warn_without_groups(groups: Any, *, stacklevel: int) -> None:
-    """Warn if single recordings are left out."""
-    if groups is None:
-        warnings.warn(
-            "fit was called without groups, so single recordings are left out. Recordings that "
-            "were measured together (of one unit, in one run) are near-duplicates and make the "
-            "model over-confident: give their labels, in a pipeline as "
-            "costsensitivegaussianbayes__groups=units.",
-            UserWarning,
-            stacklevel=stacklevel + 1,
-        )
-
-
 def check_temperature(temperature: Any) -> None:
     """Raise if a temperature is neither None, "groups" nor a positive number."""
     if isinstance(temperature, str):
@@ -72,110 +51,13 @@ def check_temperature(temperature: Any) -> None:
         check_number(temperature, 'temperature, if not None or "groups",', above=0)
 
 
-def check_unknown_rate(rate: Any, unknown: Any) -> None:
-    """Raise an error if the rate is no share, or there is no unknown state."""
-    if rate is not None:
-        check_number(rate, "unknown_rate", above=0, below=1)
-        if unknown is None:
-            raise ValueError('unknown_rate needs the label of an unknown state: unknown="unknown".')
-
-
-@dataclass(frozen=True)
-class DetectorTypicality:
-    """Typicality from the scores of an outlier detector.
-
-    Attributes
-    ----------
-    detector : estimator
-        Fitted, with `score_samples`: the larger, the more like the training.
-    tail : StudentTail
-        Distribution of the negative scores of left-out recordings.
-    left_out : ndarray of shape (n_recordings,)
-        Typicality of each training recording, judged without its group; NaN if it was not.
-    """
-
-    detector: Any
-    tail: StudentTail
-    left_out: Array
-
-    def __call__(self, X: Any) -> Array:
-        """Return the typicality of recordings, in (0, 1], shape (n_recordings,)."""
-        return positive(self.tail.survival(_distances(self.detector, X)))
-
-
-def fit_detector(detector: Any, training: Training) -> DetectorTypicality:
-    """Calibrate an outlier detector on left-out groups, by fitting it again without each of them.
-
-    Parameters
-    ----------
-    detector : estimator
-        Not fitted yet.
-    training : Training
-        Recordings, from which each group is left out.
-
-    Returns
-    -------
-    DetectorTypicality
-
-    Raises
-    ------
-    ValueError
-        If no class has recordings in two groups.
-    """
-    X, codes, units, weight, _ = training
-
-    def fitted(rows: Indices) -> Any:
-        """Fit the detector to some recordings, with their weights if it accepts weights."""
-        weighted = has_fit_parameter(detector, "sample_weight") and (weight != 1).any()
-        options = {"sample_weight": weight[rows]} if weighted else {}
-        with located("detector (its input is that of the estimator: recordings need a pipeline)"):
-            return clone(detector).fit(chosen_rows(X, rows), **options)
-
-    distances, found = np.full(len(codes), np.nan), np.full(len(codes), np.nan)
-    judged = np.zeros(len(codes), dtype=bool)
-    for others, rows in left_out(codes, units):
-        distances[rows] = _distances(fitted(others), chosen_rows(X, rows))
-        judged[rows] = np.isin(codes[rows], codes[others])
-    check_judged(judged)
-    tail = student_tail(distances[judged], weight[judged])
-    found[judged] = positive(tail.survival(distances[judged]))
-    return DetectorTypicality(fitted(np.arange(len(codes))), tail, found)
-
-
-def _distances(detector: Any, X: Any) -> Array:
-    """Return the negative scores of an outlier detector."""
-    return -np.asarray(detector.score_samples(X), dtype=np.float64)
-
-
-class Training(NamedTuple):
-    """Recordings of the training that have a weight.
-
-    Attributes
-    ----------
-    X : list of Recording, or table
-        Features, or the input of an estimator.
-    codes, units : ndarray of int, shape (n_recordings,)
-        Number of the class, and of the group.
-    weight : ndarray of shape (n_recordings,)
-        Number of times each recording is counted, positive.
-    options : mapping of str to any
-        Further arguments of `fit`.
-    """
-
-    X: Any
-    codes: Indices
-    units: Indices
-    weight: Array
-    options: Mapping[str, Any]
-
-
-class LeftOutDensities(NamedTuple):
+class LeftOut(NamedTuple):
     """Training recordings, judged by classifiers that were fitted without their groups.
 
     Attributes
     ----------
     typicality : ndarray of shape (n_recordings,)
-        NaN if there is none.
+        NaN if no other recordings of the class remained.
     log_densities : ndarray of shape (n_recordings, n_classes)
         -inf for classes of which no other recordings remain.
     codes, units : ndarray of int, shape (n_recordings,)
@@ -204,34 +86,19 @@ class LeftOutDensities(NamedTuple):
         return fit_temperature(*some, counts / counts.sum())
 
 
-class LeftOutCalibration(NamedTuple):
-    """Results of leaving out each group in turn.
+class LeftOutMixin(LeastRiskMixin):
+    """Typicality, unknown state and temperature, found by leaving out each group in turn.
 
-    Attributes
-    ----------
-    typicality : Typicality, DetectorTypicality or None
-        A function of features. None before anything was left out.
-    temperature : float or None
-        Temperature of least log loss; None if it was not requested.
-    left_out : LeftOutDensities or None
-        The recordings of the training; None if they are not needed.
+    The results are None before anything was left out, and what is not needed.
     """
 
-    typicality: Typicality | DetectorTypicality | None = None
-    temperature: float | None = None
-    left_out: LeftOutDensities | None = None
-
-
-class LeftOutMixin:
-    """Typicality, unknown state and temperature of a classifier with a `LeftOutCalibration`."""
-
-    classes_: NDArray[Any]
     class_count_: Array
     priors: Any
-    unknown: Any
     unknown_rate: Any
     temperature: Any
-    _calibration: LeftOutCalibration
+    _typicality: Typicality | None = None
+    _temperature: float | None = None
+    _left_out: LeftOut | None = None
 
     @property
     def priors_(self) -> Array:
@@ -251,18 +118,15 @@ class LeftOutMixin:
         groups with a one-sided confidence of 84 % (one standard error, with Student's t), because
         few groups leave the rate uncertain.
         """
-        found, left = self._truth_priors()[1], self._calibration.left_out
-        if left is None or self.unknown_rate is None:
-            return found
-        if states_unknown(self.priors, self.classes_, self.unknown):
+        found, left = self._truth_priors()[1], self._left_out
+        stated = states_unknown(self.priors, self.classes_, self.unknown)
+        if left is None or self.unknown_rate is None or stated:
             return found
         judged = np.isfinite(left.typicality)
-        log_priors = np.log(np.maximum(self.priors_, np.finfo(np.float64).tiny))
-        joint = left.log_densities[judged] / self.temperature_ + log_priors
-        posterior, weight = np.exp(log_softmax(joint, axis=1)), left.weight[judged]
+        posterior, weight = self._left_out_posterior(judged), left.weight[judged]
         units = np.unique(left.units[judged], return_inverse=True)[1]
         n_units = int(units.max()) + 1
-        cost = cast(Any, self).cost_  # of another base class
+        cost = self.cost_
         # Without the unknown state a recording has the decision of least risk. Another one is
         # cheaper where the odds of the unknown state exceed what it costs more if the state is
         # known, over what it costs less if it is not.
@@ -311,39 +175,47 @@ class LeftOutMixin:
         """Whether a temperature or a rate is to be found by leaving groups out."""
         return isinstance(self.temperature, str) or self.unknown_rate is not None
 
-    def _fit_typicality(self, training: Training) -> Typicality | DetectorTypicality | None:
-        raise NotImplementedError
+    def _judge(
+        self, X: Array, codes: Indices, units: Indices, weight: Array, X_left: Array
+    ) -> Array:
+        """Return log densities of left-out recordings under classes fitted to the others.
 
-    def _judge(self, training: Training, others: Indices, rows: Indices) -> Array:
-        """Return log densities (or of posterior over prior) of some recordings, by a fit to others.
-
-        Shape (n_rows, n_classes); -inf for classes of which too few others remain.
+        Shape (n_left, n_classes); -inf for classes of which too few others remain.
         """
         raise NotImplementedError
 
-    def _leave_out(
-        self, X: Any, codes: Indices, groups: Any, weight: Array, options: Mapping[str, Any]
-    ) -> None:
+    def _leave_out(self, X: Array, codes: Indices, groups: Any, weight: Array) -> None:
         """Set what is found by leaving each group out; without groups, single recordings."""
         rows = np.flatnonzero(weight > 0)
-        X, known = chosen_rows(X, rows), codes[rows]
         if groups is None:
-            units = single_recordings(known, X)
+            warnings.warn(
+                "fit was called without groups, so single recordings are left out. Those that were "
+                "measured together (one unit, one run) make the model over-confident: give their "
+                "labels, in a pipeline as costsensitivegaussianbayes__groups=units.",
+                UserWarning,
+                stacklevel=3,
+            )
+            units = single_recordings(codes[rows], X[rows])
         else:
             units = group_codes(groups, len(codes))[rows]
-        some = parameters_of_rows(options, rows, len(codes))
-        training = Training(X, known, units, weight[rows], some)
-        typicality = self._fit_typicality(training)
-        self._calibration = LeftOutCalibration(typicality)
+        X, codes, weight = X[rows], codes[rows], weight[rows]
+        self._typicality = fit_typicality(X, codes, units, weight)
         if not self._needs_densities:
             return
         logs = np.full((len(rows), len(self.classes_)), -np.inf)
-        for others, left in left_out(known, units):
-            logs[left] = self._judge(training, others, left)
-        unlike = np.full(len(rows), np.nan) if typicality is None else typicality.left_out
-        judged = LeftOutDensities(unlike, logs, *training[1:4])
-        best = judged.fit_temperature() if isinstance(self.temperature, str) else None
-        self._calibration = LeftOutCalibration(typicality, best, judged)
+        for others, left in left_out(codes, units):
+            logs[left] = self._judge(
+                X[others], codes[others], units[others], weight[others], X[left]
+            )
+        self._left_out = LeftOut(self._typicality.left_out, logs, codes, units, weight)
+        if isinstance(self.temperature, str):
+            self._temperature = self._left_out.fit_temperature()
+
+    def _left_out_posterior(self, rows: NDArray[np.bool_]) -> Array:
+        """Return posterior probabilities of left-out recordings, for the present priors."""
+        log_priors = np.log(np.maximum(self.priors_, np.finfo(np.float64).tiny))
+        joint = self._calibrated("left_out").log_densities[rows] / self.temperature_ + log_priors
+        return softmax(joint, axis=1)
 
     def typicality(self, X):
         """Return the fraction of left-out training recordings that are at least as far away.
@@ -392,14 +264,14 @@ class LeftOutMixin:
             `groups` nor an unknown state.
         """
         check_is_fitted(self)
-        typicality, classes = self._calibration.typicality, self.classes_.tolist()
-        if not isinstance(typicality, Typicality):
+        if self._typicality is None:
             return [None] * len(decisions)
+        classes = self.classes_.tolist()
         is_class = np.array([decision in classes for decision in decisions])
         codes = np.array([classes.index(d) if d in classes else 0 for d in decisions], np.intp)
         if not is_class.all():
-            codes = np.where(is_class, codes, cast(Any, self).predict_proba(X).argmax(axis=1))
-        others = typicality.second_classes(self._checked_features(X), codes)
+            codes = np.where(is_class, codes, self.predict_proba(X).argmax(axis=1))
+        others = self._typicality.second_classes(self._checked_features(X), codes)
         return [
             None if code < 0 or decision == self.unknown else classes[code]
             for code, decision in zip(others, decisions, strict=True)
@@ -441,14 +313,12 @@ class LeftOutMixin:
         """
         left = self._calibrated("left_out")
         rows = left.judged
-        log_priors = np.log(np.maximum(self.priors_, np.finfo(np.float64).tiny))
-        joint = left.log_densities[rows] / self.temperature_ + log_priors
-        final = cast(Any, self)  # with the costs of another base class
-        truths = final.truth_proba(None, np.exp(log_softmax(joint, axis=1)), left.typicality[rows])
+        posterior = self._left_out_posterior(rows)
+        truths = self.truth_proba(None, posterior, left.typicality[rows])
         return pd.DataFrame(
             {
                 "truth": self.classes_[left.codes[rows]],
-                "decision": final.decisions_[decide(truths, final.cost_)],
+                "decision": self.decisions_[decide(truths, self.cost_)],
                 "typicality": left.typicality[rows],
                 "group": left.units[rows],
             }
@@ -463,7 +333,7 @@ class LeftOutMixin:
     def _calibrated(self, name: str) -> Any:
         """Return what was found by leaving groups out."""
         check_is_fitted(self)
-        found = getattr(self._calibration, name)
+        found = getattr(self, f"_{name}")
         if found is None:
             raise NotFittedError(  # a ValueError, and an AttributeError where it is a property
                 f"{name} is found by leaving groups out, which the last fit did not do. "

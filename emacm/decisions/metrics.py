@@ -254,9 +254,8 @@ def neg_expected_cost(estimator: Any, X: Any, y: ArrayLike) -> float:
     final = final_estimator(estimator)
     if not hasattr(final, "cost_"):
         raise TypeError(
-            f"neg_expected_cost uses the cost of the classifier, but {final!r} "
-            f"has no cost_ (is it fitted?). For other classifiers, give the cost: "
-            f"make_scorer(expected_cost, greater_is_better=False, cost=...)."
+            f"neg_expected_cost needs a fitted classifier with costs, but {final!r} has no cost_. "
+            f"For others: make_scorer(expected_cost, greater_is_better=False, cost=...)."
         )
     truths, chosen = _equally_long(y, estimator.predict(X))
     table = final.decisions_, getattr(final, "truths_", final.classes_), final.cost_
@@ -313,14 +312,8 @@ def _metric_classes(cost: Any, truths: list[Any], chosen: list[Any]) -> NDArray[
         decisions, causes = (set(labels) for labels in zip(*cost, strict=True))
         found = {*truths, *causes, *(set(chosen) - decisions)}
     try:
-        classes = np.asarray(sorted(found))
+        return np.asarray(sorted(found))
     except TypeError as error:
         raise ValueError(
             f"labels of different types have no order: {list(found)}. Give labels=..., the classes."
         ) from error
-    if isinstance(cost, Sequence | np.ndarray) and len(cost) != len(classes):
-        raise ValueError(
-            f"cost has {len(cost)} rows, but {len(classes)} labels occur in y_true and y_pred: "
-            f"{classes.tolist()}. Give labels=..., the classes in the order of cost."
-        )
-    return classes

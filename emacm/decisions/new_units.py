@@ -14,14 +14,10 @@ from scipy.stats import mannwhitneyu
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_number, group_codes
-from emacm.calibration.left_out import grouped_quantile
+from emacm.calibration.left_out import Array, Indices, grouped_quantile
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.gaussians import class_gaussians, class_moments, shrinkage_coefficients
-from emacm.decisions.left_out_calibration import Training
 from emacm.decisions.unit_effects import UnitLevels, fit_unit_levels
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 class NewUnitClassifier(CostSensitiveGaussianBayes):
@@ -139,9 +135,8 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         super().fit(X, y, groups=groups)
         if groups is None:
             warnings.warn(
-                "NewUnitClassifier was fitted without groups, so that it knows no difference "
-                "between units. Give the unit of each recording, in a pipeline as "
-                "newunitclassifier__groups=units.",
+                "NewUnitClassifier was fitted without groups, and knows no difference between "
+                "units. Give them, in a pipeline as newunitclassifier__groups=units.",
                 UserWarning,
                 stacklevel=2,
             )
@@ -154,11 +149,6 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
             self._gaussians = levels.gaussians()
             self.means_, self.covariances_ = self._gaussians.means, self._gaussians.covariances
         return self
-
-    @property
-    def partial_fit(self):
-        """Not available: units are needed at once."""
-        raise AttributeError("NewUnitClassifier has no partial_fit: all units are needed at once.")
 
     @property
     def between_covariance_(self) -> Array:
@@ -212,7 +202,7 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         coverage = check_number(coverage, "coverage", above=0, below=1)
         posterior = self.predict_proba(X)
         self._unit()
-        left: Any = self._calibration.left_out
+        left = self._calibrated("left_out")
         judged = left.judged
         self._warn_of_shift(X, groups, left.typicality[judged], left.units[judged])
         threshold = probability_threshold(
@@ -237,9 +227,8 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         if probability < level:
             warnings.warn(
                 f"{len(new)} units with a mean typicality of {new.mean():.2g} are less "
-                f"typical than those of the training (p = {probability:.2g}): they may be of "
-                f"another kind, and the sets contain the true class less often than stated. Train "
-                f"with such units, or subtract their baseline (FeatureBaseline).",
+                f"typical than those of the training (p = {probability:.2g}): the sets may contain "
+                f"the true class less often than stated. Train with such units.",
                 UserWarning,
                 stacklevel=3,
             )
@@ -265,17 +254,17 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         shrinkage = shrinkage_coefficients(moments, self.shrinkage, (X, codes))
         return fit_unit_levels(X, codes, units, plain, *shrinkage)
 
-    def _judge(self, training: Training, others: Indices, rows: Indices) -> Array:
-        """Return log densities of classes estimated without the units of some recordings."""
+    def _judge(
+        self, X: Array, codes: Indices, units: Indices, weight: Array, X_left: Array
+    ) -> Array:
+        """Return log densities of classes estimated without the units of left-out recordings."""
         if self._without_units:
-            return super()._judge(training, others, rows)
-        X, codes, units = training[:3]
-        logs = np.full((len(rows), len(self.classes_)), -np.inf)
-        known, numbers = np.unique(codes[others], return_inverse=True)
-        remaining = np.unique(units[others], return_inverse=True)[1]
+            return super()._judge(X, codes, units, weight, X_left)
+        logs = np.full((len(X_left), len(self.classes_)), -np.inf)
+        known, numbers = np.unique(codes, return_inverse=True)
         with suppress(ValueError):  # too few units remain
-            levels = self._estimated(X[others], numbers, remaining)
-            logs[:, known] = levels.gaussians().log_densities(X[rows])
+            levels = self._estimated(X, numbers, np.unique(units, return_inverse=True)[1])
+            logs[:, known] = levels.gaussians().log_densities(X_left)
         return logs
 
 

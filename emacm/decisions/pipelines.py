@@ -14,28 +14,6 @@ from sklearn.utils.validation import has_fit_parameter
 from emacm.recordings.meta import chosen_rows
 from emacm.resampling.order_resampler import OrderResampler
 
-Array = NDArray[np.float64]
-
-
-def log_likelihoods(log_posterior: Array, priors: Array) -> Array:
-    """Divide posteriors by the priors within them, but for a constant of each recording.
-
-    Parameters
-    ----------
-    log_posterior : ndarray of shape (n_recordings, n_classes)
-        -inf, as some classifiers return, is replaced by the logarithm of 1e-15.
-    priors : ndarray of shape (n_classes,)
-        Prior within the posterior; the result for a class of prior 0 is -inf.
-
-    Returns
-    -------
-    ndarray of shape (n_recordings, n_classes)
-    """
-    with np.errstate(divide="ignore"):
-        logs = np.where(np.isneginf(log_posterior), np.log(1e-15), log_posterior)
-        logs = logs - np.log(priors)
-    return np.where(priors > 0, logs, -np.inf)
-
 
 def parameters_of_rows(
     parameters: Mapping[str, Any], rows: NDArray[np.intp], n_recordings: int
@@ -47,25 +25,12 @@ def parameters_of_rows(
     >>> parameters_of_rows({"sample_weight": [1, 2, 3], "classes": ["a", "b"]}, np.array([2]), 3)
     {'sample_weight': [3], 'classes': ['a', 'b']}
     """
-    values = {name: as_rows(value) for name, value in parameters.items()}
     per_recording = {
         name: chosen_rows(value, rows)
-        for name, value in values.items()
+        for name, value in parameters.items()
         if hasattr(value, "__len__") and type(value) is not str and len(value) == n_recordings
     }
-    return values | per_recording
-
-
-def as_rows(values: Any) -> Any:
-    """Convert objects that are only convertible to arrays; return all others unchanged.
-
-    Examples
-    --------
-    >>> as_rows("any"), as_rows([1, 2])
-    ('any', [1, 2])
-    """
-    only = hasattr(values, "__array__") and not hasattr(values, "iloc")
-    return np.asarray(values) if only else values
+    return {**parameters, **per_recording}
 
 
 def final_estimator(estimator: Any) -> Any:
@@ -110,31 +75,6 @@ def before_the_last_step(estimator: Any, X: Any) -> tuple[Any, Any]:
         return inner, X
     table = inner[:-1].transform(X) if len(inner) > 1 else X
     return before_the_last_step(inner.steps[-1][1], table)
-
-
-def weight_parameter(estimator: Any) -> str:
-    """Return the name under which `fit` accepts weights: in a pipeline, those of the last step.
-
-    Raises
-    ------
-    TypeError
-        If it accepts none.
-
-    Examples
-    --------
-    >>> from sklearn.naive_bayes import GaussianNB
-    >>> from sklearn.pipeline import make_pipeline
-    >>> from sklearn.preprocessing import StandardScaler
-    >>> weight_parameter(make_pipeline(StandardScaler(), GaussianNB()))
-    'gaussiannb__sample_weight'
-    """
-    prefix, last = "", estimator
-    while isinstance(last, Pipeline):
-        step, last = last.steps[-1]
-        prefix += f"{step}__"
-    if not has_fit_parameter(last, "sample_weight"):
-        raise TypeError(f"{type(last).__name__} accepts no sample_weight. Omit the weights.")
-    return f"{prefix}sample_weight"
 
 
 def groups_options(estimator: Any, groups: Any) -> dict[str, Any]:

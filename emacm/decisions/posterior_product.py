@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.base import ClassifierMixin
 from sklearn.utils import Bunch
 from sklearn.utils.validation import check_is_fitted
@@ -13,11 +12,9 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._checks import located
 from emacm._saved import SavedEstimator
 from emacm.decisions.least_risk import LeastRiskClassifier
-from emacm.decisions.pipelines import groups_are_units, uses_groups
-from emacm.decisions.risks import LeastRiskMixin, pooled_log_posterior
+from emacm.decisions.pipelines import groups_are_units, groups_options, uses_groups
+from emacm.decisions.risks import Array, LeastRiskMixin, pooled_log_posterior
 from emacm.decisions.truths import check_possible, class_priors
-
-Array = NDArray[np.float64]
 
 
 class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
@@ -100,7 +97,7 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         """Whether a member learns how units differ."""
         return any(groups_are_units(member) for member in self._named_pairs().values())
 
-    def fit(self, X, y, sample_weight=None, groups=None):
+    def fit(self, X, y, groups=None):
         """Fit a clone of every member.
 
         Parameters
@@ -109,8 +106,6 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
             Input of the members; it is passed on unchanged.
         y : array-like of shape (n_recordings,)
             True class of each recording.
-        sample_weight : array-like of shape (n_recordings,), default=None
-            How often each recording counts, for every member; in a pipeline, the last step.
         groups : array-like of shape (n_recordings,), default=None
             Labels of recordings that were measured together, for those members that learn from
             groups, such as `CostSensitiveGaussianBayes` with a temperature.
@@ -124,8 +119,8 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         fitted = {}
         for name, member in self._checked_members().items():
             with located(f"member {name!r}"):
-                known = groups if uses_groups(member) else None
-                fitted[name] = LeastRiskClassifier(member).fit(X, y, sample_weight, known)
+                options = groups_options(member, groups)
+                fitted[name] = LeastRiskClassifier(member).fit(X, y, **options)
         self._members = fitted
         self.classes_ = next(iter(fitted.values())).classes_
         self.named_estimators_ = Bunch(**{name: m.estimator_ for name, m in fitted.items()})
@@ -192,8 +187,7 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         members, taken = self._named_pairs(), set(super().get_params())
         if not members:
             raise ValueError(
-                f"estimators must be a list of at least one pair (name, classifier), got "
-                f"{self.estimators!r}."
+                f"estimators must be a list of pairs (name, classifier), got {self.estimators!r}."
             )
         names = [name for name, _ in self.estimators]
         if len(members) < len(names) or taken & set(names) or any("__" in name for name in names):

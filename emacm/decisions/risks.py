@@ -89,7 +89,7 @@ class LeastRiskMixin:
         risk : ndarray of shape (n_recordings, n_decisions)
             In the unit of the cost, columns in the order of `decisions_`.
         """
-        return risks_of(self._truth_proba(X), self.cost_)
+        return risks_of(self.truth_proba(X, self.predict_proba(X)), self.cost_)
 
     def predict(self, X):
         """Return the decision of least conditional risk, Eq. (2.43).
@@ -112,7 +112,7 @@ class LeastRiskMixin:
         TypeError, ValueError
             If an input, or the present cost or priors, are invalid.
         """
-        posterior = self._truth_proba(X)
+        posterior = self.truth_proba(X, self.predict_proba(X))
         decisions, cost = self._cost_table()
         decided = decisions.take(decide(posterior, cost))
         return decided if self.unknown is None else label_array(decided.tolist(), self.classes_)
@@ -152,10 +152,6 @@ class LeastRiskMixin:
 
     def _cost_table(self) -> tuple[NDArray[Any], Array]:
         return cost_table(self.cost, self.classes_, self.unknown)
-
-    def _truth_proba(self, X: Any) -> Array:
-        """Return the posterior probability of each of `truths_`."""
-        return self.truth_proba(X, self.predict_proba(X))
 
     def truth_proba(self, X: Any, posterior: Array, typicality: Array | None = None) -> Array:
         """Return the posterior probability of each of `truths_`, given that of `classes_`.

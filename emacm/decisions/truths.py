@@ -20,6 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_choice, check_real_array
 
+Array = NDArray[np.float64]
+
 
 def plain_labels(labels: Iterable[Any]) -> list[Any]:
     """Return labels as Python objects, so that those of numpy compare and hash alike.
@@ -151,30 +153,7 @@ def check_classes(y: Any) -> None:
             )
 
 
-def numbered_hint(known: Sequence[Any], named: Sequence[Any]) -> str:
-    """Return a hint if classes are numbers where the user gave names; otherwise "".
-
-    Examples
-    --------
-    >>> numbered_hint([0, 1], ["worn"])[:38]
-    ' Some meta-estimators of scikit-learn '
-    >>> numbered_hint(["healthy", "worn"], ["wron"])
-    ''
-    """
-    if list(known) != list(range(len(known))) or not any(isinstance(k, str) for k in named):
-        return ""
-    return (
-        " Some meta-estimators of scikit-learn replace the classes by numbers before they fit "
-        "(StackingClassifier, VotingClassifier, cross_val_predict of probabilities). They use "
-        "posterior probabilities, which do not depend on the cost: omit the cost there, give "
-        "priors in the order of the classes, and wrap the result: "
-        "LeastRiskClassifier(estimator, cost=...)."
-    )
-
-
-def class_priors(
-    priors: Any, classes: NDArray[Any], counts: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def class_priors(priors: Any, classes: NDArray[Any], counts: Array) -> Array:
     """Convert any form of stating priors to one probability per class, Eq. (2.37) of [1]_.
 
     Parameters
@@ -222,7 +201,6 @@ def class_priors(
             raise ValueError(
                 f"priors must name every class of {known} and no other; unknown: {unknown}, "
                 f"missing: {[label for label in known if label not in named]}."
-                f"{numbered_hint(known, unknown)}"
             )
         priors = [named[label] for label in known]
     values = check_real_array(priors, "priors").astype(np.float64)
@@ -235,10 +213,7 @@ def class_priors(
 
 
 def check_possible(
-    priors: NDArray[np.float64],
-    own: NDArray[np.float64],
-    classes: NDArray[Any],
-    name: str = "estimator",
+    priors: Array, own: Array, classes: NDArray[Any], name: str = "estimator"
 ) -> None:
     """Raise a ValueError if a class has a prior, but none within the posterior of an estimator.
 
@@ -255,13 +230,9 @@ def check_possible(
     if impossible.any():
         code = int(np.argmax(impossible))
         raise ValueError(
-            f"{name} has the prior 0 of class {classes.tolist()[code]!r}, so that its posterior "
-            f"carries no information about it, but priors give it {priors[code]:g}. Give {name} "
-            f"another prior."
+            f"{name} has the prior 0 of class {classes.tolist()[code]!r}, but priors give it "
+            f"{priors[code]:g}. Give {name} another prior."
         )
-
-
-Array = NDArray[np.float64]
 
 
 def truth_labels(classes: NDArray[Any], unknown: Any) -> NDArray[Any]:
@@ -284,8 +255,7 @@ def truth_labels(classes: NDArray[Any], unknown: Any) -> NDArray[Any]:
     known = plain_labels(classes.tolist())
     if unknown in known:
         raise ValueError(
-            f"unknown = {unknown!r} is a class with recordings. Choose a label that is none of "
-            f"{known}."
+            f"unknown = {unknown!r} is a class with recordings. Choose none of {known}."
         )
     return label_array([*known, unknown], classes)
 

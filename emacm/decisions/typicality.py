@@ -15,9 +15,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from emacm.calibration.left_out import (
+    Array,
+    Indices,
     Peaks,
     StudentTail,
     check_judged,
@@ -26,8 +28,6 @@ from emacm.calibration.left_out import (
     student_tail,
 )
 from emacm.decisions.gaussians import class_gaussians, class_moments
-
-Array = NDArray[np.float64]
 
 
 def evidence_for_unknown(typicality: Array) -> Array:
@@ -87,9 +87,6 @@ def unknown_probability(typicality: Array, prior: float) -> Array:
     """
     unknown = prior * evidence_for_unknown(typicality)
     return unknown / (1 - prior + unknown)
-
-
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -308,7 +305,7 @@ class Typicality:
         """
         logs = self.distances.log_squares(X)
         combined = _combine(logs, self.levels, self.peaks, self.used, self.distances.settings)
-        return positive(self.combined.survival(combined))
+        return self.combined.survival(combined)
 
     def second_classes(self, X: Array, codes: Indices) -> Indices:
         """Return the class whose lines recordings have beyond those of their own; -1 if none.
@@ -331,18 +328,7 @@ class Typicality:
         return np.where(rare, others, -1)
 
 
-def positive(typicality: Array) -> Array:
-    """Return typicality that is positive, however far a recording is."""
-    return np.maximum(typicality, np.finfo(np.float64).tiny)
-
-
-def fit_typicality(
-    X: Array,
-    codes: Indices,
-    groups: ArrayLike,
-    weight: Array,
-    settings: TypicalitySettings | None = None,
-) -> Typicality:
+def fit_typicality(X: Array, codes: Indices, units: Indices, weight: Array) -> Typicality:
     """Calibrate the distances to the classes on left-out groups.
 
     Parameters
@@ -351,12 +337,10 @@ def fit_typicality(
         Features.
     codes : ndarray of int, shape (n_recordings,)
         Number of the class of each recording.
-    groups : array-like of shape (n_recordings,)
-        As for `emacm.calibration.left_out.left_out`.
+    units : ndarray of int, shape (n_recordings,)
+        Number of the group of each recording.
     weight : ndarray of shape (n_recordings,)
         Number of times each recording is counted, positive.
-    settings : TypicalitySettings, optional
-        Constants.
 
     Returns
     -------
@@ -367,13 +351,12 @@ def fit_typicality(
     ValueError
         If no class has recordings in two groups, so that none can be left out.
     """
-    settings = TypicalitySettings() if settings is None else settings
-    n_classes, units = int(codes.max()) + 1, np.asarray(groups)
+    settings, n_classes = TypicalitySettings(), int(codes.max()) + 1
     distances = _fit_distances(X, codes, units, weight, settings)
     inside = np.full((n_classes, len(X)), np.inf)
     outside, largest, beyond = np.zeros((3, len(X)))
     judged = np.zeros(len(X), dtype=bool)
-    for others, rows in left_out(codes, groups):
+    for others, rows in left_out(codes, units):
         seen, renumbered = np.unique(codes[others], return_inverse=True)
         if len(others) <= len(seen):  # no variance within classes
             continue
@@ -396,7 +379,7 @@ def fit_typicality(
     values = _combine(logs, levels, peaks, used, settings)
     combined = student_tail(values, weight[left], settings.expected_combined)
     found = np.full(len(X), np.nan)
-    found[left] = positive(combined.survival(values))
+    found[left] = combined.survival(values)
     feature_range = np.array([X.min(axis=0), X.max(axis=0)])
     some = left[np.isfinite(beyond[left])]
     second = student_tail(beyond[some], weight[some]) if len(some) else None

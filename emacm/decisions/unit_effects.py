@@ -22,15 +22,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
+from emacm.calibration.left_out import Array, Indices
 from emacm.decisions.gaussians import (
     GaussianClasses,
     inverse_factor,
     population_eigenvalues,
     shrink,
 )
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 class UnitLevels(NamedTuple):
@@ -184,9 +182,8 @@ def fit_unit_levels(
     white, of_plain = inverse_factor(within), inverse_factor(plain)
     if white is None or of_plain is None:
         raise ValueError(
-            f"the covariance within units is singular, for {X.shape[1]} features and "
-            f'{len(X)} recordings. Use shrinkage="auto", more recordings of each unit or fewer '
-            f"features."
+            f"the covariance within units is singular, for {X.shape[1]} features and {len(X)} "
+            f'recordings. Use shrinkage="auto", more recordings of each unit or fewer features.'
         )
     mean_square = white[0].T @ between @ white[0]
     values, vectors = np.linalg.eigh(mean_square)

@@ -75,9 +75,7 @@ def confounding_caveats(labels: Sequence[Any], units: Sequence[Any], unit: str) 
     return caveats
 
 
-def scheme_caveats(
-    schemes: Sequence[Scheme], table: pd.DataFrame, rule: ScoringRule, *, few_groups: int = 10
-) -> list[str]:
+def scheme_caveats(schemes: Sequence[Scheme], table: pd.DataFrame, rule: ScoringRule) -> list[str]:
     """Return the caveats of the schemes, most serious first.
 
     Parameters
@@ -88,8 +86,6 @@ def scheme_caveats(
         `Evaluation.table`.
     rule : ScoringRule
         Definition of a correct decision.
-    few_groups : int, default=10
-        Intervals of fewer groups are called approximate (assumed).
 
     Returns
     -------
@@ -103,7 +99,7 @@ def scheme_caveats(
         )
     scored = table.loc[[s.name for s in schemes if not s.impossible]]
     if len(scored):
-        for applies, text in _table_caveats(scored, few_groups):
+        for text, applies in _table_caveats(scored).items():
             if applies.any():
                 names = ", ".join(map(repr, scored.index[applies]))
                 caveats.append(text.format(names))
@@ -112,43 +108,33 @@ def scheme_caveats(
     return caveats
 
 
-def _table_caveats(table: pd.DataFrame, few_groups: int) -> list[tuple[pd.Series, str]]:
-    """Return to which schemes each caveat applies, and its text."""
+def _table_caveats(table: pd.DataFrame) -> dict[str, pd.Series]:
+    """Return the text of each caveat, and to which schemes it applies."""
     low, high = table["balanced_accuracy_low"], table["balanced_accuracy_high"]
     random = table["balanced_accuracy"].get(RANDOM, -np.inf)
     costs = table.reindex(columns=["realised_cost_low", "predicted_cost_high"])
     one_by_one = table["resampled"] == "recording"
-    return [
-        (
-            random > high,
-            "The random split is optimistic: its balanced accuracy is above the confidence "
-            "interval of {}. Rely on the split that holds out what will be new in service.",
+    return {
+        "The random split is optimistic: its balanced accuracy is above the confidence "
+        "interval of {}. Rely on the split that holds out what will be new in service.": (
+            random > high
         ),
-        (
-            costs["realised_cost_low"] > costs["predicted_cost_high"],
-            "The realised cost of {} is above the cost that the posterior probabilities predict: "
-            'they are over-confident. See temperature="groups".',
+        "The realised cost of {} is above the cost that the posterior probabilities predict: "
+        'they are over-confident. See temperature="groups".': (
+            costs["realised_cost_low"] > costs["predicted_cost_high"]
         ),
-        (
-            one_by_one,
-            "Confidence intervals of {} are from a bootstrap over single recordings, because no "
-            "runs= or units= were given; they are too narrow if recordings of one run are alike.",
+        "Confidence intervals of {} are from a bootstrap over single recordings, because no "
+        "runs= or units= were given; they are too narrow if recordings of one run are alike.": (
+            one_by_one
         ),
-        (
-            ~one_by_one & (table["groups"] < few_groups),
-            f"Confidence intervals from fewer than {few_groups} groups are approximate: {{}}.",
+        "Confidence intervals from fewer than 10 groups are approximate: {}.": (
+            ~one_by_one & (table["groups"] < 10)  # assumed
         ),
-        (
-            table["accuracy"].isin([0, 1]),
-            "All decisions are correct, or all are wrong, in {}: the intervals of costs then have "
-            "no width, which does not prove certainty.",
-        ),
-        (
-            (table["groups"] > 1) & low.isna(),
-            "Balanced accuracy has no confidence interval in {}: some label occurs in so few "
-            "groups that most resamples miss it.",
-        ),
-    ]
+        "All decisions are correct, or all are wrong, in {}: the intervals of costs then have "
+        "no width, which does not prove certainty.": table["accuracy"].isin([0, 1]),
+        "Balanced accuracy has no confidence interval in {}: some label occurs in so few "
+        "groups that most resamples miss it.": (table["groups"] > 1) & low.isna(),
+    }
 
 
 def _examples(parts: list[str]) -> str:

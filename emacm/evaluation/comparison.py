@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
@@ -56,23 +56,18 @@ class Comparison(Printed):
 
 
 def compare(
-    evaluations: Mapping[str, Evaluation] | Sequence[Evaluation],
-    *,
-    scheme: str | None = None,
-    reference: str | None = None,
+    evaluations: Mapping[str, Evaluation] | Sequence[Evaluation], *, scheme: str | None = None
 ) -> Comparison:
     """Compare evaluations, for example of several sensors or pipelines.
 
     Parameters
     ----------
     evaluations : mapping of str to Evaluation, or sequence of Evaluation
-        Results of `evaluate` by name; in a sequence they are numbered from 1. At least two.
+        Results of `evaluate` by name; in a sequence they are numbered from 1. At least two; the
+        others are compared with the first.
     scheme : str, optional
         Hold-out scheme to compare. Default: the second of those that all evaluations have scored
         (the first after the random split), or the only one.
-    reference : str, optional
-        Name of the evaluation from which the differences of the others are computed. Default: the
-        first.
 
     Returns
     -------
@@ -82,7 +77,7 @@ def compare(
     ------
     TypeError, ValueError
         If there are fewer than two evaluations, one is not a result of `evaluate`, no scheme was
-        scored by all of them, or `scheme` or `reference` is not among them.
+        scored by all of them, or `scheme` is not among them.
 
     See Also
     --------
@@ -122,9 +117,7 @@ def compare(
     """
     named = _named(evaluations)
     chosen = _scheme(named, scheme)
-    first = next(iter(named)) if reference is None else reference
-    if first not in named:
-        raise ValueError(f"reference must be one of {list(named)}, got {reference!r}.")
+    first = next(iter(named))
     base, caveats = named[first], []
     rows: dict[str, dict[str, float]] = {name: {} for name in named if name != first}
     for name in rows:
@@ -213,8 +206,6 @@ def _unequal_costs(base: ScoringRule, other: ScoringRule) -> str:
 def _differences(base: Evaluation, other: Evaluation, scheme: str) -> dict[str, float]:
     """Return the differences of two evaluations, and their intervals."""
     held, bootstrap = _held_out(base, scheme), base.bootstrap
-    if bootstrap.random_state is None:  # the draws of both must be the same
-        bootstrap = replace(bootstrap, random_state=0)
     first = tallies(held, base.scoring)
     second = tallies(_held_out(other, scheme), other.scoring)
     drawn = [bootstrap.draws(found, held["group"]) for found in (first, second)]

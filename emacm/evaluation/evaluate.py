@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from emacm._checks import check_count
-from emacm.decisions.costs import stated_cost, stated_truths
-from emacm.evaluation.bootstrap import GroupBootstrap
+from emacm.decisions.costs import stated_costs
 from emacm.evaluation.caveats import single_unit_labels
 from emacm.evaluation.held_out import all_schemes, decide_held_out, read_groupings
 from emacm.evaluation.results import Evaluation, score_held_out
@@ -63,7 +62,7 @@ def evaluate(
         Further schemes by name: a tuple (train, test) of positions or masks, as for "later
         runs"; a list of such tuples; or an object with ``split(X, y, groups)``.
     healthy : object, optional
-        The healthy class or family. Without it the three rates are not computed.
+        The healthy class, or the family of a cost. Without it the three rates are not computed.
     n_splits : int, default=10
         Largest number of folds, at least 2. Up to this number of runs (or units), one is left out
         at a time.
@@ -97,13 +96,12 @@ def evaluate(
     See Also
     --------
     evaluate_unknown : Families of faults that are left out of training.
-    emacm.evaluation.results.Evaluation.rescored : Other costs, families and intervals.
 
     Notes
     -----
     The cost is the one among the estimator's parameters (several that differ are an error);
-    without any, 0-1. Folds are processed in parallel within
-    ``joblib.parallel_config(n_jobs=4)`` (default: processes).
+    without any, 0-1. Decisions on families of states follow from a cost of `family_costs`. Folds
+    are processed in parallel within ``joblib.parallel_config(n_jobs=4)`` (default: processes).
 
     If a label is held out without being in the training data, the scheme cannot be scored; its row
     is NaN and a caveat gives the group and the label. The bootstrap
@@ -157,15 +155,12 @@ def evaluate(
             raise TypeError(f"estimator must be a classifier with {method}, got {estimator!r}.")
     classes = checked_classes(y, X)
     check_count(n_splits, "n_splits", at_least=2)
-    unknown, priors = stated_truths(estimator)
-    stated = {"healthy": healthy, "cost": stated_cost(estimator)}
-    stated |= {"unknown": unknown, "priors": priors}
-    rule = scoring_rule(np.unique(classes), **stated)
+    rule = scoring_rule(np.unique(classes), healthy=healthy, **stated_costs(estimator))
     labels = [rule.family_of[label] for label in classes.tolist()]
     groupings = read_groupings(X, runs, units, conditions)
     schemes = all_schemes(classes, labels, groupings, splits, n_splits)
     held_out = decide_held_out(estimator, X, classes, schemes, groupings)
-    result = score_held_out(held_out, stated, GroupBootstrap())
+    result = score_held_out(held_out, rule)
     by_unit = groupings["units"]
     if by_unit is not None and single_unit_labels(labels, by_unit.labels.tolist()):
         warnings.warn(result.caveats[0], UserWarning, stacklevel=2)

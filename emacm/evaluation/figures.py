@@ -19,10 +19,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.stats import rankdata
 
 from emacm.decisions.truths import label_array
-from emacm.evaluation.bootstrap import GroupBootstrap, Tally, gap_of_cells, probability_of_cells
+from emacm.evaluation.bootstrap import (
+    Array,
+    GroupBootstrap,
+    Tally,
+    gap_of_cells,
+    probability_of_cells,
+)
 from emacm.evaluation.scoring import ScoringRule
-
-Array = NDArray[np.float64]
 
 
 def tallies(judged: pd.DataFrame, rule: ScoringRule) -> dict[str, Tally]:
@@ -104,11 +108,9 @@ def confusion(judged: pd.DataFrame, rule: ScoringRule) -> pd.DataFrame:
         Counts; the index is named "decided", the columns "true".
     """
     rows = list(dict.fromkeys([*rule.labels, *judged["decided_label"]]))
-    counts = np.zeros((len(rows), len(rule.classes)), np.int64)
-    places = codes_of(judged["decided_label"], rows), codes_of(judged["truth"], rule.classes)
-    np.add.at(counts, places, 1)
-    index, columns = pd.Index(rows, name="decided"), pd.Index(rule.classes, name="true")
-    return pd.DataFrame(counts, index, columns)
+    names = {"rownames": ["decided"], "colnames": ["true"]}
+    counts = pd.crosstab(judged["decided_label"], judged["truth"], **names)
+    return counts.reindex(index=rows, columns=rule.classes, fill_value=0)
 
 
 def label_posteriors(probabilities: pd.DataFrame, rule: ScoringRule) -> pd.DataFrame:
@@ -134,8 +136,7 @@ def label_posteriors(probabilities: pd.DataFrame, rule: ScoringRule) -> pd.DataF
 
 def codes_of(values: Any, labels: list[Any]) -> NDArray[np.intp]:
     """Return the index of each value among the labels."""
-    place = {label: number for number, label in enumerate(labels)}
-    return np.array([place[value] for value in values], np.intp)
+    return pd.Index(labels).get_indexer(list(values))
 
 
 def auroc_contributions(
@@ -240,8 +241,6 @@ def reliability(
     truths: ArrayLike,
     groups: ArrayLike,
     bootstrap: GroupBootstrap | None = None,
-    *,
-    n_bins: int = 10,
 ) -> pd.DataFrame:
     """Compare the probability of the most probable class with the frequency at which it is true.
 
@@ -255,13 +254,12 @@ def reliability(
         Group of each recording, drawn as a whole by the bootstrap.
     bootstrap : GroupBootstrap, optional
         Confidence level, number of draws and seed.
-    n_bins : int, default=10
-        Number of bins of equal width from 0 to 1 of the largest probability of each recording.
 
     Returns
     -------
     DataFrame
-        One row for each bin that contains recordings: its edges "from" and "to", the mean
+        One row for each bin, of ten of equal width from 0 to 1 of the largest probability of each
+        recording, that contains recordings: its edges "from" and "to", the mean
         probability ("confidence"), the relative "frequency" at which the most probable class is
         the true one, the "count" of recordings, the interval of the frequency, "low" and "high",
         and the number of "groups".
@@ -269,18 +267,19 @@ def reliability(
     Examples
     --------
     >>> stated = [[0.8, 0.2], [0.8, 0.2], [0.4, 0.6], [0.4, 0.6]]
-    >>> curve = reliability(stated, [0, 0, 0, 1], groups=[1, 1, 2, 2], n_bins=2)
+    >>> curve = reliability(stated, [0, 0, 0, 1], groups=[1, 1, 2, 2])
     >>> curve[["from", "to", "confidence", "frequency", "count", "groups"]]
        from   to  confidence  frequency  count  groups
-    0   0.5  1.0         0.7       0.75      4       2
+    0   0.6  0.7         0.6        0.5      2       1
+    1   0.8  0.9         0.8        1.0      2       1
     """
-    largest, correct, bins = most_probable(probabilities, truths, n_bins=n_bins)
+    largest, correct, bins = most_probable(probabilities, truths)
     present = np.unique(bins)
     table = pd.DataFrame({"confidence": largest, "frequency": correct, "group": groups})
     by_bin = table.groupby(bins)
     curve = by_bin[["confidence", "frequency"]].mean().assign(count=by_bin.size())
-    curve.insert(0, "from", present / n_bins)
-    curve.insert(1, "to", (present + 1) / n_bins)
+    curve.insert(0, "from", present / 10)
+    curve.insert(1, "to", (present + 1) / 10)
     cells = {str(number): Tally(correct, np.where(bins == number, 0, -1)) for number in present}
     row = (bootstrap or GroupBootstrap()).figures(cells, groups)
     for end in ("low", "high"):
@@ -289,7 +288,7 @@ def reliability(
 
 
 def most_probable(
-    probabilities: ArrayLike, truths: ArrayLike, *, n_bins: int = 10
+    probabilities: ArrayLike, truths: ArrayLike
 ) -> tuple[Array, Array, NDArray[np.intp]]:
     """Return the largest probability of each recording, whether it is of the true class, its bin.
 
@@ -299,8 +298,6 @@ def most_probable(
         Probability of each class.
     truths : array-like of int of shape (n_recordings,)
         Index of the true class.
-    n_bins : int, default=10
-        Number of bins of equal width from 0 to 1; each includes its lower edge, the last both.
 
     Returns
     -------
@@ -309,16 +306,17 @@ def most_probable(
     correct : ndarray of shape (n_recordings,)
         1 if that class is the true one, else 0.
     bins : ndarray of int of shape (n_recordings,)
-        Index of the bin.
+        Index of the bin, of ten of equal width from 0 to 1; each includes its lower edge, the last
+        both.
 
     Examples
     --------
-    >>> most_probable([[0.8, 0.2], [0.4, 0.6]], [0, 0], n_bins=5)
-    (array([0.8, 0.6]), array([1., 0.]), array([4, 3]))
+    >>> most_probable([[0.8, 0.2], [0.4, 0.6]], [0, 0])
+    (array([0.8, 0.6]), array([1., 0.]), array([8, 6]))
     """
     posterior, codes = np.asarray(probabilities, float), np.asarray(truths)
     largest = posterior.max(axis=1)
     correct = (posterior.argmax(axis=1) == codes).astype(float)
-    # 0.6 * 5 is 3.0000000000000004 or 2.9999999999999996; the rounding error must not count.
-    bins = np.minimum(np.floor(largest * n_bins + 1e-9), n_bins - 1).astype(np.intp)
+    # The rounding error of 10 * 0.3 must not count.
+    bins = np.minimum(np.floor(10 * largest + 1e-9), 9).astype(np.intp)
     return largest, correct, bins

@@ -22,11 +22,13 @@ from sklearn.model_selection import (
 from emacm._checks import located
 from emacm.conditions.present_costs import narrowed
 from emacm.decisions.pipelines import before_the_last_step, groups_are_units, groups_options
+from emacm.decisions.truths import check_distinct
 from emacm.orders.bin_transformer import collected_statements
 from emacm.recordings.inputs import run
 from emacm.recordings.meta import Grouping, chosen_rows, plain_label, read_grouping
 
 Indices = NDArray[np.intp]
+Groupings = Mapping[str, Grouping | None]
 
 RANDOM = "random split"
 
@@ -84,15 +86,14 @@ def random_folds(y: NDArray[Any], n_splits: int) -> list[Fold]:
     largest = _largest_class(y)
     if largest < 2:
         raise ValueError(
-            "y has one recording of each class; at least one class must have two, one for "
-            "training and one to be held out."
+            "y has one recording of each class; at least one class must have two, one to hold out."
         )
     split = StratifiedKFold(min(n_splits, largest), shuffle=True, random_state=0)
     return [Fold(train, test) for train, test in _split(split, y, None)]
 
 
 def group_folds(
-    y: NDArray[Any], labels: Sequence[Any], grouping: Grouping, n_splits: float, seed: Any = 0
+    y: NDArray[Any], labels: Sequence[Any], grouping: Grouping, n_splits: float
 ) -> list[Fold]:
     """Hold out whole groups: one at a time, or several if there are more than `n_splits`.
 
@@ -106,8 +107,6 @@ def group_folds(
         The groups.
     n_splits : int
         Largest number of folds; infinite: one for each group.
-    seed : int or None
-        Seed of the choice of groups.
 
     Returns
     -------
@@ -118,7 +117,7 @@ def group_folds(
     if len(groups) < 2:
         return []
     if len(groups) > n_splits and most > 1:
-        cv = StratifiedGroupKFold(min(int(n_splits), most), shuffle=True, random_state=seed)
+        cv = StratifiedGroupKFold(min(int(n_splits), most), shuffle=True, random_state=0)
         folds = _named_folds(cv, y, grouping)
         # With one group at a time, a label of two groups is always in the training data.
         if not why_impossible(folds, labels):
@@ -159,11 +158,7 @@ def given_folds(name: str, split: Any, y: NDArray[Any], groups: Any) -> list[Fol
 
 
 def all_schemes(
-    y: NDArray[Any],
-    labels: Sequence[Any],
-    groupings: Mapping[str, Grouping | None],
-    splits: Mapping[str, Any] | None,
-    n_splits: int,
+    y: NDArray[Any], labels: Sequence[Any], groupings: Groupings, splits: Any, n_splits: int
 ) -> list[Scheme]:
     """Return the random split, and every other scheme for which there are labels.
 
@@ -206,13 +201,7 @@ def all_schemes(
     for name, split in (splits or {}).items():
         folds = given_folds(str(name), split, y, None if runs is None else runs.labels)
         schemes.append(Scheme(str(name), folds, resampled))
-    names = [scheme.name for scheme in schemes]
-    doubles = [name for name in names if names.count(name) > 1]
-    if doubles:
-        raise ValueError(
-            f"two hold-out schemes have the name {doubles[0]!r}. Give runs, units, conditions and "
-            f"splits different names, for example as a pandas Series with a name."
-        )
+    check_distinct([scheme.name for scheme in schemes], "names of hold-out schemes")
     return [replace(each, impossible=why_impossible(each.folds, labels)) for each in schemes]
 
 
@@ -293,15 +282,11 @@ class HeldOut(NamedTuple):
     decisions: pd.DataFrame
     posteriors: pd.DataFrame
     y: NDArray[Any]
-    groupings: Mapping[str, Grouping | None]
+    groupings: Groupings
 
 
 def decide_held_out(
-    estimator: Any,
-    X: Any,
-    y: NDArray[Any],
-    schemes: Sequence[Scheme],
-    groupings: Mapping[str, Grouping | None],
+    estimator: Any, X: Any, y: NDArray[Any], schemes: Sequence[Scheme], groupings: Groupings
 ) -> HeldOut:
     """Fit a clone in each fold, and return its decisions on the recordings held out.
 
@@ -387,15 +372,13 @@ def _decide(
         return table, posterior
 
 
-def read_groupings(
-    X: Any, runs: Any, units: Any, conditions: Any = None
-) -> dict[str, Grouping | None]:
+def read_groupings(X: Any, runs: Any, units: Any, conditions: Any = None) -> Groupings:
     """Return the runs, units and conditions of recordings, in the forms of `read_grouping`."""
     given = {"runs": runs, "units": units, "conditions": conditions}
     return {role: read_grouping(value, X, role, role[:-1]) for role, value in given.items()}
 
 
-def training_groups(estimator: Any, groupings: Mapping[str, Grouping | None]) -> Any:
+def training_groups(estimator: Any, groupings: Groupings) -> Any:
     """Return the groups of `fit`: units for a classifier for new units, otherwise runs."""
     runs, units = groupings["runs"], groupings["units"]
     together = (units or runs) if groups_are_units(estimator) else (runs or units)

@@ -22,19 +22,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import binom
-from sklearn.base import clone
+from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_number, located
-from emacm.decisions.pipelines import before_the_last_step, final_estimator, groups_options
+from emacm._checks import check_number
+from emacm.decisions.pipelines import before_the_last_step
 from emacm.decisions.risks import decide, risks_of
 from emacm.decisions.truths import label_array, label_list, label_positions
-from emacm.evaluation.bootstrap import GroupBootstrap
+from emacm.evaluation.bootstrap import Array, GroupBootstrap
 from emacm.evaluation.figures import tallies
-from emacm.evaluation.held_out import group_folds, why_impossible
 from emacm.evaluation.scoring import ScoringRule, scoring_rule
-from emacm.recordings.meta import Grouping, chosen_rows, read_grouping
-
-Array = NDArray[np.float64]
+from emacm.recordings.meta import read_grouping
 
 
 @dataclass(frozen=True)
@@ -70,9 +67,7 @@ def miss_rate_limit(
     confidence: float = 0.95,
     *,
     healthy: Any,
-    n_splits: int = 10,
     n_resamples: int = 2000,
-    random_state: int | None = 0,
 ) -> MissRateLimit:
     """Choose the cost of missed detections so that their rate does not exceed a limit.
 
@@ -86,9 +81,8 @@ def miss_rate_limit(
     ----------
     model : estimator
         Classifier with costs (`CostSensitiveGaussianBayes`, `LeastRiskClassifier`,
-        `PosteriorProduct`), or a pipeline, `ConditionRouter` or search that ends in one. A fitted
-        one must not have seen these units. If it is not fitted, clones decide on units that are
-        left out in turn; the limit then holds approximately for a model fitted to all units.
+        `PosteriorProduct`), or a pipeline, `ConditionRouter` or search that ends in one. Fitted
+        to other units than these.
     X : sequence of Recording, or array-like of n_recordings
         Input of the model.
     y : array-like of shape (n_recordings,)
@@ -102,12 +96,8 @@ def miss_rate_limit(
         Fraction of fleets in which it holds, above 0 and below 1.
     healthy : object
         The healthy class or family, as in `evaluate`.
-    n_splits : int, default=10
-        Largest number of parts that are left out, of a model that is not fitted.
     n_resamples : int, default=2000
         Number of bootstrap draws for the intervals of the table.
-    random_state : int or None, default=0
-        Seed of the parts and of the bootstrap.
 
     Returns
     -------
@@ -153,15 +143,15 @@ def miss_rate_limit(
     0.04
     """
     rate = check_number(rate, "rate", above=0, below=1)
-    bootstrap = GroupBootstrap(confidence, n_resamples, random_state)
+    bootstrap = GroupBootstrap(confidence, n_resamples)
+    check_is_fitted(model)
     units = read_grouping(groups, X, "groups", "unit")
     if units is None:
         raise ValueError("groups must give the unit of each recording, got None.")
     states = label_list(y)
     if len(states) != len(units.labels):
         raise ValueError(f"y has {len(states)} states for {len(units.labels)} recordings.")
-    check_units(len(np.unique(units.labels)), rate, confidence)  # before a long computation
-    final, posterior = _posteriors(model, X, states, units, n_splits, random_state)
+    final, posterior = _posteriors(model, X)
     truths, decisions = final.truths_.tolist(), final.decisions_.tolist()
     label_positions(states, truths, "y", "state of the model")
     cost = pd.DataFrame(final.cost_, index=decisions, columns=truths)
@@ -192,30 +182,8 @@ def miss_rate_limit(
     return MissRateLimit(limit, factor, table, n_units)
 
 
-def _posteriors(
-    model: Any, X: Any, y: list[Any], units: Grouping, n_splits: int, seed: int | None
-) -> tuple[Any, Array]:
-    """Return a fitted classifier, and the posterior probabilities of its true states."""
-    if hasattr(final_estimator(model), "classes_"):
-        return _of_fitted(model, X)
-    classes = label_array(y)
-    folds = group_folds(classes, y, units, n_splits, seed)
-    if reason := why_impossible(folds, y):
-        raise ValueError(
-            f"the model is not fitted, and units cannot be left out in turn: {reason} Give a "
-            f"model that is fitted to other units."
-        )
-    parts = []
-    for train, test, left_out in folds:
-        with located(f"{left_out} left out"):
-            clean, options = clone(model), groups_options(model, units.labels[train])
-            clean.fit(chosen_rows(X, train), classes[train], **options)
-            parts.append(_of_fitted(clean, chosen_rows(X, test)))
-    order = np.argsort(np.concatenate([fold.test for fold in folds]))
-    return parts[0][0], np.vstack([posterior for _, posterior in parts])[order]
-
-
-def _of_fitted(model: Any, X: Any) -> tuple[Any, Array]:
+def _posteriors(model: Any, X: Any) -> tuple[Any, Array]:
+    """Return the classifier, and the posterior probabilities of its true states."""
     final, table = before_the_last_step(model, X)
     if not hasattr(final, "cost_"):
         raise TypeError(
@@ -255,8 +223,7 @@ def _missed_costs(cost: pd.DataFrame, rule: ScoringRule) -> Array:
         row, column = np.argwhere(free)[0]
         raise ValueError(
             f"deciding {cost.index[row]!r} when {cost.columns[column]!r} is true must cost more "
-            f"than the cheapest decision, so that a factor on it can prevent missed detections; "
-            f"it costs {cost.iat[row, column]:g}. Give the model another cost."
+            f"than the cheapest decision; it costs {cost.iat[row, column]:g}."
         )
     return excess
 
@@ -330,6 +297,5 @@ def check_units(n_units: int, rate: float, confidence: float) -> None:
         raise ValueError(
             f"{n_units} units with faults cannot prove a missed detection rate of {rate:g} with "
             f"confidence {confidence:g}: even if none is missed, the rate may be as high as "
-            f"{lowest:.3g}. It takes {needed} units; otherwise give a larger rate or less "
-            f"confidence."
+            f"{lowest:.3g}. It takes {needed} units."
         )

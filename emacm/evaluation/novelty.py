@@ -11,8 +11,8 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_count
-from emacm.decisions.costs import stated_cost, stated_truths
-from emacm.evaluation.bootstrap import GroupBootstrap, Tally
+from emacm.decisions.costs import stated_costs
+from emacm.evaluation.bootstrap import Array, GroupBootstrap, Tally
 from emacm.evaluation.figures import probability_columns
 from emacm.evaluation.held_out import (
     Fold,
@@ -25,8 +25,6 @@ from emacm.evaluation.held_out import (
 from emacm.evaluation.results import Printed, as_texts, judged_decisions
 from emacm.evaluation.scoring import ScoringRule, checked_classes, scoring_rule
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, repr=False)
 class UnknownEvaluation(Printed):
@@ -37,7 +35,7 @@ class UnknownEvaluation(Printed):
     table : DataFrame
         One row for each family of faults that was left out of training, with intervals: "auroc",
         the area under the ROC curve of typicality, which separates its recordings from the known
-        ones; fraction of the known recordings with a typicality of at most `threshold`
+        ones; fraction of the known recordings with a typicality of at most 0.01
         ("known_flagged") and of those left out ("unknown_flagged"); fraction of those left out that
         were decided to be healthy ("unknown_called_healthy"); numbers of recordings ("known",
         "unknown"). Empty if no family was left out.
@@ -69,10 +67,8 @@ def evaluate_unknown(
     *,
     runs: Any = None,
     units: Any = None,
-    families: Any = None,
     healthy: Any = None,
     n_splits: int = 5,
-    threshold: float = 0.01,
 ) -> UnknownEvaluation:
     """Leave each family of faults out of training, and state whether it is recognised as unknown.
 
@@ -83,12 +79,8 @@ def evaluate_unknown(
     X, y, runs, units, healthy
         As for `evaluate`. Recordings are held out by unit, or, if there are no units or they cannot
         be held out, by run, or at random.
-    families : mapping, optional
-        {class: family} or {family: [classes]}. Default: defined by the cost of the estimator.
     n_splits : int, default=5
         Largest number of folds for each family.
-    threshold : float, default=0.01
-        Recordings of at most this typicality are counted as flagged.
 
     Returns
     -------
@@ -117,34 +109,24 @@ def evaluate_unknown(
     >>> found.table["auroc"].round(1).to_dict()
     {'dry': 1.0, 'worn': 1.0}
     """
-    unknown, priors = stated_truths(estimator)
-    if unknown is None:
-        raise ValueError(
-            "estimator has no unknown state, so that it assigns any state to a known one. Set "
-            "unknown= of CostSensitiveGaussianBayes."
-        )
+    stated = stated_costs(estimator)
+    if stated["unknown"] is None:
+        raise ValueError("estimator has no unknown state: set unknown= of the classifier.")
     classes = checked_classes(y, X)
     check_count(n_splits, "n_splits", at_least=2)
-    stated = {"families": families, "healthy": healthy, "cost": stated_cost(estimator)}
-    rule = scoring_rule(np.unique(classes), unknown=unknown, priors=priors, **stated)
+    rule = scoring_rule(np.unique(classes), healthy=healthy, **stated)
     labels = [rule.family_of[label] for label in classes.tolist()]
     groupings = read_groupings(X, runs, units)
-    possible = [
-        scheme
-        for scheme in all_schemes(classes, labels, groupings, None, n_splits)
-        if not scheme.impossible
-    ]
+    schemes = all_schemes(classes, labels, groupings, None, n_splits)
+    possible = [scheme for scheme in schemes if not scheme.impossible]
     schemes = left_out_families(possible[-1], labels, rule) if possible else []  # the strictest
     held_out = decide_held_out(estimator, X, classes, schemes, groupings)
-    caveats = [
-        f"{scheme.name!r} could not be left out of training. {scheme.impossible}"
-        for scheme in held_out.schemes
-        if scheme.impossible
-    ]
+    refused = [scheme for scheme in held_out.schemes if scheme.impossible]
+    caveats = [f"{s.name!r} could not be left out of training. {s.impossible}" for s in refused]
     predictions, bootstrap = novelty_predictions(held_out, rule), GroupBootstrap()
     if predictions.empty:
         caveats.append("No family of faults was left out as unknown.")
-    table = novelty_table(predictions, rule.cleared, bootstrap, threshold=threshold)
+    table = novelty_table(predictions, rule.cleared, bootstrap)
     return UnknownEvaluation(table, predictions, caveats, bootstrap)
 
 
@@ -206,11 +188,7 @@ def novelty_predictions(held_out: HeldOut, rule: ScoringRule) -> pd.DataFrame:
 
 
 def novelty_table(
-    predictions: pd.DataFrame,
-    cleared: Collection[Any],
-    bootstrap: GroupBootstrap,
-    *,
-    threshold: float = 0.01,
+    predictions: pd.DataFrame, cleared: Collection[Any], bootstrap: GroupBootstrap
 ) -> pd.DataFrame:
     """Return how well each family that was left out is recognised as unknown.
 
@@ -222,8 +200,6 @@ def novelty_table(
         Decisions that are correct for the healthy state; empty if it was not given.
     bootstrap : GroupBootstrap
         Confidence level, number of draws and seed.
-    threshold : float, default=0.01
-        As for `evaluate_unknown`.
 
     Returns
     -------
@@ -233,7 +209,7 @@ def novelty_table(
     rows = {}
     for family, part in predictions.groupby("left_out", sort=False) if len(predictions) else ():
         is_unknown = part["is_unknown"].to_numpy()
-        flagged, cells = part["typicality"] <= threshold, is_unknown.astype(int)
+        flagged, cells = part["typicality"] <= 0.01, is_unknown.astype(int)
         found = {"known_flagged": Tally(flagged, -cells)}
         found["unknown_flagged"] = Tally(flagged, cells - 1)
         if cleared:

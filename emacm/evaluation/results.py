@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping
 from dataclasses import dataclass
 from textwrap import fill
 from typing import Any
@@ -22,7 +21,7 @@ from emacm.evaluation.figures import (
     tallies,
 )
 from emacm.evaluation.held_out import HeldOut
-from emacm.evaluation.scoring import ScoringRule, scoring_rule
+from emacm.evaluation.scoring import ScoringRule
 
 
 class Printed:
@@ -55,13 +54,8 @@ class Printed:
         return f"<ul>{caveats}</ul>{tables}<p>{self._interval}</p>"
 
     @property
-    def confidence(self) -> float:
-        """Confidence level of the intervals."""
-        return self.bootstrap.confidence
-
-    @property
     def _interval(self) -> str:
-        level = f"{100 * self.confidence:g} %"
+        level = f"{100 * self.bootstrap.confidence:g} %"
         return f"in brackets: {level} confidence interval, from a bootstrap over whole groups"
 
 
@@ -127,10 +121,6 @@ class Evaluation(Printed):
         Definition of a correct decision, and costs.
     bootstrap : GroupBootstrap
         Confidence level of the intervals, number of draws and seed.
-    held_out : HeldOut
-        The decisions of each fold, for `rescored`.
-    stated : mapping
-        Healthy class, families, cost, unknown state and priors, for `rescored`.
     """
 
     table: pd.DataFrame
@@ -141,52 +131,6 @@ class Evaluation(Printed):
     caveats: list[str]
     scoring: ScoringRule
     bootstrap: GroupBootstrap
-    held_out: HeldOut
-    stated: Mapping[str, Any]
-
-    def rescored(
-        self,
-        *,
-        families: Any = None,
-        healthy: Any = None,
-        cost: Any = None,
-        confidence: float = 0.95,
-        n_resamples: int = 2000,
-        random_state: int | None = 0,
-    ) -> Evaluation:
-        """Score the same decisions by other costs or families, or with other intervals.
-
-        Parameters
-        ----------
-        families : mapping, optional
-            {class: family} or {family: [classes]}. A decision for the right family is correct,
-            whether the estimator decides on classes or on families. Default: defined by the cost,
-            as in `emacm.decisions.metrics.correct_decisions`.
-        healthy : object, optional
-            The healthy class or family. Default: as evaluated.
-        cost : array-like, DataFrame or mapping, optional
-            Rows are decisions, columns true classes, as for `CostSensitiveGaussianBayes`; columns
-            may be families. Default: as evaluated.
-        confidence : float, default=0.95
-            Confidence level of the intervals.
-        n_resamples : int, default=2000
-            Number of bootstrap draws, at least 100.
-        random_state : int or None, default=0
-            Seed of the bootstrap.
-
-        Returns
-        -------
-        Evaluation
-
-        Raises
-        ------
-        TypeError, ValueError
-            If an argument is invalid, or classes, families and costs are inconsistent.
-        """
-        given = {"families": families, "healthy": healthy, "cost": cost}
-        given = {name: value for name, value in given.items() if value is not None}
-        bootstrap = GroupBootstrap(confidence, n_resamples, random_state)
-        return score_held_out(self.held_out, {**self.stated, **given}, bootstrap)
 
     def summary(self) -> pd.DataFrame:
         """Return the figures of merit as text, such as "0.95 (0.90 to 0.98)"."""
@@ -203,31 +147,21 @@ class Evaluation(Printed):
         return {"": self.summary().T, "The same decision for every recording:": constant}
 
 
-def score_held_out(
-    held_out: HeldOut, stated: Mapping[str, Any], bootstrap: GroupBootstrap
-) -> Evaluation:
+def score_held_out(held_out: HeldOut, rule: ScoringRule) -> Evaluation:
     """Score the decisions of all schemes.
 
     Parameters
     ----------
     held_out : HeldOut
         Schemes that are `impossible` have a row of NaN.
-    stated : mapping
-        Arguments of `emacm.evaluation.scoring.scoring_rule`.
-    bootstrap : GroupBootstrap
-        Confidence level, number of draws and seed.
+    rule : ScoringRule
+        Definition of a correct decision, and costs.
 
     Returns
     -------
     Evaluation
-
-    Raises
-    ------
-    ValueError
-        If a decision is unknown or has no cost.
     """
-    rule = scoring_rule(np.unique(held_out.y), **stated)
-    predictions = judged_decisions(held_out, rule)
+    predictions, bootstrap = judged_decisions(held_out, rule), GroupBootstrap()
     rows: dict[str, dict[str, Any]] = {}
     confusions, curves = {}, []
     for name, part in predictions.groupby("scheme", sort=False) if len(predictions) else ():
@@ -256,8 +190,6 @@ def score_held_out(
         caveats=_caveats(held_out, table, predictions, rule),
         scoring=rule,
         bootstrap=bootstrap,
-        held_out=held_out,
-        stated=stated,
     )
 
 
@@ -286,7 +218,7 @@ def _caveats(
     if others := rule.other_decisions(predictions.get("decision", ())):
         caveats.append(
             f"The decisions {others} are none of the classes and have no cost; they count as wrong "
-            f"with cost 1. Give their costs by rescored(cost=...)."
+            f"with cost 1. Put the estimator into a LeastRiskClassifier with their costs."
         )
     caveats += scheme_caveats(held_out.schemes, table, rule)
     if "macro_auroc" in table:

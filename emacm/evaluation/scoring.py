@@ -13,15 +13,8 @@ from sklearn.utils.multiclass import check_classification_targets
 
 from emacm.conditions.router import check_labels
 from emacm.decisions.costs import cost_table
-from emacm.decisions.families import family_mapping
-from emacm.decisions.metrics import (
-    Correct,
-    are_correct,
-    correct_decisions,
-    correct_families,
-    label_of,
-)
-from emacm.decisions.truths import label_array, truth_priors
+from emacm.decisions.metrics import Correct, are_correct, correct_decisions, label_of
+from emacm.decisions.truths import label_array, truth_labels, truth_priors
 from emacm.recordings.meta import listed_recordings
 
 
@@ -32,14 +25,12 @@ class ScoringRule:
     Attributes
     ----------
     classes : list
-        The possible true classes: those of a given family together, in the order of the families.
+        The possible true classes, sorted.
     correct : dict
         {class: correct decisions}, see `emacm.decisions.metrics.correct_decisions`.
     costs : DataFrame
         Index = decisions, also classes and families that a cost does not name; columns = classes,
         and the unknown state if there is one. Without a cost, 0 for a correct decision, else 1.
-    is_stated : bool
-        Whether there is a cost, so that a decision that it does not contain is an error.
     healthy : object
         Healthy label; None if it was not given.
     unknown : object
@@ -51,7 +42,6 @@ class ScoringRule:
     classes: list[Any]
     correct: Correct
     costs: pd.DataFrame
-    is_stated: bool
     healthy: Any = None
     unknown: Any = None
     priors: Mapping[Any, float] | None = None
@@ -82,9 +72,7 @@ class ScoringRule:
 
     def other_decisions(self, decisions: Sequence[Any]) -> list[Any]:
         """Return the decisions that are neither classes nor families and have no cost."""
-        return [
-            decision for decision in dict.fromkeys(decisions) if decision not in self.costs.index
-        ]
+        return [name for name in dict.fromkeys(decisions) if name not in self.costs.index]
 
     def constant_costs(self, truths: Sequence[Any]) -> pd.DataFrame:
         """Return the mean cost of the same decision for every recording, as a yardstick.
@@ -126,19 +114,8 @@ class ScoringRule:
         -------
         DataFrame
             One row for each recording: "truth", "decision", "true_label" and "decided_label"
-            (families, if there are any), "correct" and "cost".
-
-        Raises
-        ------
-        ValueError
-            If a decision is not a class or family and has no cost.
+            (families, if there are any), "correct" and "cost" (1 of a decision without costs).
         """
-        if self.is_stated and (others := self.other_decisions(decisions)):
-            raise ValueError(
-                f"the estimator decided {others[0]!r}, which is none of the classes {self.classes} "
-                f"and has no cost. If it is a family of classes, give families= to rescored; if "
-                f"it is another decision, give its costs in cost=."
-            )
         is_correct = are_correct(truths, decisions, self.correct)
         labels = [label_of(truth, self.correct) for truth in truths]
         # If several decisions are correct, each of them counts as the first.
@@ -146,12 +123,8 @@ class ScoringRule:
             label if correct else label_of(decision, self.correct)
             for label, decision, correct in zip(labels, decisions, is_correct, strict=True)
         ]
-        columns = {
-            "truth": truths,
-            "decision": decisions,
-            "true_label": labels,
-            "decided_label": decided,
-        }
+        columns = {"truth": truths, "decision": decisions, "true_label": labels}
+        columns["decided_label"] = decided
         table = pd.DataFrame({name: label_array(list(own)) for name, own in columns.items()})
         places = np.arange(len(table)), self.costs.columns.get_indexer(list(truths))
         return table.assign(correct=is_correct, cost=self._cost_rows(decisions)[places])
@@ -198,7 +171,6 @@ class ScoringRule:
 def scoring_rule(
     classes: NDArray[Any],
     *,
-    families: Any = None,
     healthy: Any = None,
     cost: Any = None,
     unknown: Any = None,
@@ -210,13 +182,11 @@ def scoring_rule(
     ----------
     classes : ndarray of shape (n_classes,)
         The possible true classes, sorted.
-    families : mapping, optional
-        {class: family} or {family: [classes]}. Default: the class itself is correct, or, if it is
-        not a decision of `cost`, the decision with the least cost.
     healthy : object, optional
         Healthy class or family.
     cost : None, array-like, DataFrame or mapping, optional
-        As for `CostSensitiveGaussianBayes`; its columns may also be the families.
+        As for `CostSensitiveGaussianBayes`. Of a class that is not a decision of it, the decision
+        with the least cost is correct.
     unknown : object, optional
         Label of the unknown state of the classifier. It is a decision, and may have costs.
     priors : None, "uniform", array-like or mapping, optional
@@ -229,28 +199,21 @@ def scoring_rule(
     Raises
     ------
     TypeError, ValueError
-        If classes, families, costs and `healthy` are inconsistent.
+        If classes, costs and `healthy` are inconsistent.
 
     Examples
     --------
-    >>> families = {"normal": ["normal"], "worn": ["worn1", "worn2"]}
-    >>> rule = scoring_rule(np.array(["normal", "worn1", "worn2"]), families=families)
+    >>> from emacm import family_costs
+    >>> cost = family_costs({"normal": ["normal"], "worn": ["worn1", "worn2"]})
+    >>> rule = scoring_rule(np.array(["normal", "worn1", "worn2"]), cost=cost)
     >>> rule.judge(["worn1", "worn2", "normal"], ["worn", "worn1", "worn2"])["correct"].tolist()
     [True, True, False]
     """
     names = classes.tolist()
-    if unknown is not None and unknown in names:
-        raise ValueError(f"unknown = {unknown!r} is a class with recordings. Choose another label.")
-    if families is None:
-        table, order = _cost_frame(cost, {name: name for name in names}, unknown), names
-        known = table.drop(index=[unknown], columns=[unknown], errors="ignore")
-        correct = correct_decisions(known.index.tolist(), names, known)
-    else:
-        correct = correct_families(family_mapping(families, names))
-        table = _cost_frame(cost, {name: correct[name][0] for name in names}, unknown)
-        listed = list(dict.fromkeys(decisions[0] for decisions in correct.values()))
-        order = [name for name in correct if name in names]
-        order.sort(key=lambda name: listed.index(correct[name][0]))
+    decisions, matrix = cost_table(cost, classes, unknown)
+    table = pd.DataFrame(matrix, decisions.tolist(), truth_labels(classes, unknown).tolist())
+    known = table.drop(index=[unknown], columns=[unknown], errors="ignore")
+    correct = correct_decisions(known.index.tolist(), names, known)
     # A class without costs has those of its family.
     further = {name: label_of(name, correct) for name in correct if name not in table.index}
     further = {name: label for name, label in further.items() if label in table.index}
@@ -260,27 +223,13 @@ def scoring_rule(
         known_priors, _ = truth_priors(priors, classes, np.ones(len(classes)), unknown)
         priors = dict(zip(names, known_priors.tolist(), strict=True))
     return ScoringRule(
-        order,
+        names,
         correct,
         table,
-        is_stated=cost is not None,
         healthy=_healthy_label(healthy, {name: correct[name][0] for name in names}),
         unknown=unknown,
         priors=priors,
     )
-
-
-def _cost_frame(cost: Any, family_of: Mapping[Any, Any], unknown: Any) -> pd.DataFrame:
-    """Return costs with one column for each class, and for the unknown state if there is one."""
-    names, labels = list(family_of), list(dict.fromkeys(family_of.values()))
-    truths = _truths(cost) - {unknown}
-    of_families = cost is None or (truths <= {*labels} and not truths <= {*names})
-    columns = labels if of_families else names
-    decisions, matrix = cost_table(cost, label_array(columns), unknown)
-    further = [] if unknown is None else [unknown]
-    table = pd.DataFrame(matrix, decisions.tolist(), [*columns, *further])
-    chosen = [family_of[name] for name in names] if of_families else names
-    return table[[*chosen, *further]].set_axis([*names, *further], axis=1)
 
 
 def _healthy_label(healthy: Any, family_of: Mapping[Any, Any]) -> Any:
@@ -292,19 +241,9 @@ def _healthy_label(healthy: Any, family_of: Mapping[Any, Any]) -> Any:
     label = family_of.get(healthy, healthy)
     if label not in labels:
         raise ValueError(
-            f"healthy={healthy!r} is neither a class nor a family. Classes: {[*family_of]}; "
-            f"labels that are scored: {labels}."
+            f"healthy={healthy!r} is neither a class nor a family: {[*family_of]}, {labels}."
         )
     return label
-
-
-def _truths(cost: Any) -> set[Any]:
-    """Return the true classes in the columns or keys of a cost; none for an array."""
-    if isinstance(cost, pd.DataFrame):
-        return set(cost.columns.tolist())
-    if isinstance(cost, Mapping):
-        return {key[1] for key in cost if isinstance(key, tuple) and len(key) == 2}
-    return set()
 
 
 def checked_classes(y: ArrayLike, X: Any) -> NDArray[Any]:

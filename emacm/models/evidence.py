@@ -95,12 +95,12 @@ def _left_out(
 
     The steps before the classifier are those of the model.
     """
-    if found.stated["unknown"] is None or model is None:
+    if found.scoring.unknown is None:
         return pd.DataFrame(), []
     features = np.asarray(model[:-1].transform(recordings))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # as for all families
-        classifier, healthy = model[-1], found.stated["healthy"]
+        classifier, healthy = model[-1], found.scoring.healthy
         result = evaluate_unknown(classifier, features, labels, units=groups, healthy=healthy)
     return result.table.rename_axis("family").reset_index(), result.caveats
 

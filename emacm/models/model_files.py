@@ -41,8 +41,7 @@ def _check_types(names: Sequence[str]) -> None:
     if foreign:
         raise TypeError(
             f"the model contains types that a model file must not hold: {', '.join(foreign)}. Use "
-            f"steps of emacm and scikit-learn, and functions of NumPy or SciPy, only; or "
-            f"joblib.dump, whose files execute code."
+            f"steps of emacm and scikit-learn and functions of NumPy or SciPy, or joblib.dump."
         )
 
 
@@ -138,8 +137,6 @@ def save_model(
     """
     if isinstance(model, type) or not isinstance(model, BaseEstimator):
         raise TypeError(f"model must be a fitted estimator, got {type(model).__name__}.")
-    if note is not None and not isinstance(note, str):
-        raise TypeError(f"note must be a text, got {note!r}.")
     check_is_fitted(model)
     file = Path(path)
     if not file.parent.is_dir():
@@ -292,15 +289,14 @@ def _description(
     model: Any, note: str | None, evidence: Mapping[str, Any] | None
 ) -> dict[str, Any]:
     fitted = fitted_resamplers(model)
-    lists = {name: _plain(model, name) for name in ("classes", "decisions", "truths", "cost")}
+    names = "classes", "decisions", "truths", "cost", "priors"
     return {
         "note": note,
         "saved": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "versions": installed_versions(),
         "model": type(model).__name__,
         "steps": [name for name, _ in getattr(model, "steps", ())],
-        **lists,
-        "priors": _plain(model, "priors"),
+        **{name: _plain(model, name) for name in names},
         "healthy": getattr(model, "healthy_", None),
         "channels": list(fitted[0].channels_) if fitted else [],
         "units": [getattr(part, "training_units_", {}) for part in fitted],

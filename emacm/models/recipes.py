@@ -155,7 +155,7 @@ def actuator_recipe(
         a machine is reassembled. If False, phases are relative to the 1x component of forward
         strokes, and no feature depends on the mounting angle of a part (except through
         incomplete revolutions at the ends of strokes).
-    healthy : label, collection of labels, mapping or callable, optional
+    healthy : label, or collection of labels, optional
         Healthy recordings, as for `SignalBaseline`. All features except the 1x component are then
         computed from the residual signal: the mean healthy signal of the same condition is
         subtracted at each shaft angle. It needs at least two healthy recordings of each condition,
@@ -233,15 +233,12 @@ def actuator_recipe(
     if revolutions * max_order > 1000:
         raise ValueError(
             f"revolutions = {revolutions:g} and max_order = {max_order:g} make "
-            f"{revolutions * max_order:.0f} bins for each channel, pair and direction, and the "
-            f"covariance of all features would not fit into memory; at most 1000 are possible. "
-            f"Lower either of them."
+            f"{revolutions * max_order:.0f} bins for each channel, of at most 1000. Lower either."
         )
     if healthy is not None and not phase:
         raise ValueError(
-            f"healthy = {healthy!r} needs phase=True: the residual of the 1x component depends on "
-            f"its phase and on that of the healthy one. Leave healthy out, or set phase=True, for "
-            f"recordings of the same assemblies only."
+            f"healthy = {healthy!r} needs phase=True, on which the residual of the 1x component "
+            f"depends: for recordings of the same assemblies only."
         )
     # Anything shorter than a revolution is noise of the shaft reference at rest.
     strokes: dict[str, Any] = {"min_revolutions": 1.0, "n_jobs": n_jobs}
@@ -311,7 +308,6 @@ def longest_stroke(recording: Recording, top: float, channels: Any, *, shortest:
             raise ValueError(
                 f"the lines of the faults reach order {top:.4g}, {top * fastest:.4g} Hz at its "
                 f"highest speed, but the envelope of channel {name!r}, sampled at "
-                f"{recording.fs[name]:g} Hz, ends at {width:.4g} Hz. Lower harmonics, or leave out "
-                f"the parts with the highest orders."
+                f"{recording.fs[name]:g} Hz, ends at {width:.4g} Hz. Lower harmonics."
             )
     return int(longest)

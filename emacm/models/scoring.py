@@ -108,8 +108,7 @@ def score(model: Any, recordings: Any, *, n_jobs: int | None = None) -> pd.DataF
         return pd.DataFrame(columns=columns)
     entries = as_list(recordings)
     names = paths_or_numbers(entries)
-    rows = scored_rows(model, [partial(_itself, entry) for entry in entries], names, n_jobs)
-    return pd.DataFrame(rows, columns=columns)
+    return pd.DataFrame(scored_rows(model, entries, names, n_jobs), columns=columns)
 
 
 def check_model(model: Any) -> list[Any]:
@@ -139,20 +138,20 @@ def score_columns(model: Any) -> list[str]:
 
 def scored_rows(
     model: Any,
-    sources: Sequence[Callable[[], Any]],
+    sources: Sequence[Any],
     names: Sequence[Any],
     n_jobs: int | None = None,
     *,
     facts: Callable[[Any], Row] | None = None,
 ) -> list[Row]:
-    """Return the rows of recordings that functions open.
+    """Return the rows of recordings, also of those that functions open.
 
     Parameters
     ----------
     model : estimator
         Fitted classifier.
-    sources : sequence of callable
-        Each returns a recording, or raises an error, which is written into the row.
+    sources : sequence of Recording or callable
+        A function returns a recording, or raises an error, which is written into the row.
     names : sequence
         Name of each recording.
     n_jobs : int, optional
@@ -174,14 +173,10 @@ def scored_rows(
     return list(chain.from_iterable(rows))
 
 
-def _itself(entry: Any) -> Any:
-    return entry
-
-
 def _scored_batch(
     model: Any,
     facts: Callable[[Any], Row] | None,
-    sources: Sequence[Callable[[], Any]],
+    sources: Sequence[Any],
     names: Sequence[Any],
     max_bytes: int = 1 << 25,
 ) -> list[Row]:
@@ -196,7 +191,7 @@ def _scored_batch(
         try:
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always", UserWarning)
-                recording = source()
+                recording = source() if callable(source) else source
                 if not isinstance(recording, Recording):
                     raise TypeError(f"expected a recording, got {received(recording)}")
                 series = recording.series.values()  # read now

@@ -153,14 +153,6 @@ def test_a_decision_for_the_family_of_a_state_is_scored_as_right():
 # Conditions not seen
 
 
-def test_the_nearest_condition_may_answer_for_an_unseen_one():
-    model = CostSensitiveGaussianBayes(covariance="tied")
-    router = ConditionRouter(model, unseen="nearest").fit(LOADED, STATES)
-    near = router.predict_proba(table([31, 29, 30, -5], [5.2] * 4))
-    known = router.predict_proba(table([40, 20, 20, 20], [5.2] * 4))
-    np.testing.assert_array_equal(near, known)
-
-
 def test_a_pooled_estimator_knows_all_recordings():
     model = CostSensitiveGaussianBayes(covariance="tied")
     router = ConditionRouter(model, unseen="pooled").fit(LOADED, STATES)
@@ -287,9 +279,8 @@ LEVELS = table([20, 40, 30, 20, 40, 55] * 3, np.linspace(0, 11, 18))
         PosteriorProduct([("one", gaussian(None))]),
     ],
 )
-@pytest.mark.parametrize("unseen", ["nearest", "pooled"])
-def test_costs_and_priors_set_after_fit_decide_as_a_refit_does(model, present, unseen):
-    router = ConditionRouter(model, unseen=unseen).fit(LOADED, SUB_STATES)
+def test_costs_and_priors_set_after_fit_decide_as_a_refit_does(model, present):
+    router = ConditionRouter(model, unseen="pooled").fit(LOADED, SUB_STATES)
     final = "estimator__costsensitivegaussianbayes__" if hasattr(model, "steps") else "estimator__"
     router.set_params(**{final + name: value for name, value in present.items()})
     again = clone(router).fit(LOADED, SUB_STATES)
@@ -331,8 +322,6 @@ def bare(**meta):
 
 
 LOGISTIC = LogisticRegression()
-NEAREST = ConditionRouter(LOGISTIC, unseen="nearest")
-WORDS = LOADED.assign(load=["low"] * 4 + ["high"] * 4)
 UNSEEN = ConditionRouter(LOGISTIC, unseen="guess")
 BAD_FITS = [
     (ConditionRouter(LinearRegression()), LOADED, STATES, "estimator must be a classifier or a"),
@@ -357,8 +346,7 @@ BAD_FITS = [
     (ConditionRouter(LOGISTIC), bare(load=np.nan), ["a"], "its meta key 'load' is nan"),
     (ConditionRouter(LOGISTIC), "recordings", ["a"], "X must be a list of recordings, got"),
     (ConditionRouter(LOGISTIC, n_jobs=0), LOADED, STATES, "n_jobs"),
-    (UNSEEN, LOADED, STATES, "unseen must be one of 'raise', 'nearest', 'pooled'"),
-    (NEAREST, WORDS, STATES, "conditions that are numbers, but there is load='high'"),
+    (UNSEEN, LOADED, STATES, "unseen must be one of 'raise', 'pooled'"),
     (
         ConditionRouter(CostSensitiveGaussianBayes(shrinkage="oas", covariance="tied")),
         LOADED.assign(level=[1.0, 2, 3, 4, 7, 7, 7, 7]),

@@ -344,7 +344,7 @@ def test_automatic_shrinkage_refuses_partial_fit_and_weights_with_the_reason():
         model.partial_fit(X, y, NAMES)
     assert 'Use "oas" or a number' in str(caught.value.__cause__)
     assert hasattr(clone(model).set_params(shrinkage="oas"), "partial_fit")
-    with pytest.raises(ValueError, match=r'other than 1: Ledoit-Wolf needs fourth moments.*"oas"'):
+    with pytest.raises(ValueError, match=r'other than 1, .* fourth moments.*"oas"'):
         model.fit(X, y, sample_weight=np.full(90, 2.0))
     np.testing.assert_array_equal(
         model.fit(X, y, np.ones(90)).covariances_, clone(model).fit(X, y).covariances_

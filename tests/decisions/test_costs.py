@@ -10,14 +10,8 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from emacm import CostSensitiveGaussianBayes, PosteriorProduct
-from emacm.decisions.costs import (
-    cost_of_some,
-    cost_parameters,
-    cost_table,
-    narrow_costs,
-    stated_cost,
-    stated_truths,
-)
+from emacm.conditions.present_costs import narrowed
+from emacm.decisions.costs import cost_of_some, cost_table, stated_costs
 from emacm.decisions.metrics import expected_cost
 
 CLASSES = ["ball", "healthy", "screw"]
@@ -120,7 +114,7 @@ def test_invalid_costs_are_refused_with_their_position(cost, error, message):
         ([], [], {}, "at least one label"),
         ([0, None], [0, 1], {}, "y_true .* position 1 has None"),
         ([[0], [1]], [0, 1], {}, r"one-dimensional, got shape \(2, 1\)"),
-        ([0, 1], [0, 0], {"cost": MATRIX}, "3 rows, but 2 labels occur"),
+        ([0, 1], [0, 0], {"cost": MATRIX}, r"square array of shape \(2, 2\), .*got shape \(3, 3\)"),
         ([0, 1], [0, 5], {"labels": [0, 1]}, "y_pred contains 5 at position 1"),
         ([0, 5], [0, 0], {"labels": [0, 1]}, "y_true contains 5 at position 1"),
         ([0, "a"], [0, 0], {}, "different types"),
@@ -170,30 +164,25 @@ OTHER = {("ball", "screw"): 2}
 def test_all_costs_of_an_estimator_are_narrowed():
     cost = {("ball", "screw"): 2, ("ball", "healthy"): 3}
     product = PosteriorProduct([("a", member(cost)), ("b", member())], cost=MATRIX)
-    assert narrow_costs(product, ["ball", "screw"], CLASSES) is product
+    assert narrowed(product, np.array(["ball", "screw"]), np.array(CLASSES)) is product
     assert product.estimators[0][1].cost == OTHER
     assert product.estimators[1][1].cost is None
     assert product.cost.tolist() == [[0, 2], [1, 0]]
-    assert set(cost_parameters(product)) == {"cost", "a__cost", "b__cost"}
     plain = DummyClassifier()
-    assert narrow_costs(plain, ["ball"], CLASSES) is plain
-    without_parameters = object()
-    assert narrow_costs(without_parameters, ["ball"], CLASSES) is without_parameters
-    assert cost_parameters(plain) == cost_parameters(object()) == {}
+    assert narrowed(plain, np.array(["ball"]), np.array(CLASSES)) is plain
 
 
 def test_the_outer_cost_decides_and_several_beside_one_another_must_agree():
     inner = member(OTHER, unknown="odd", priors="uniform")
-    assert stated_cost(PosteriorProduct([("a", inner)], cost=MATRIX)) is MATRIX
-    assert stated_cost(PosteriorProduct([("a", inner)])) is None
-    assert stated_cost(make_pipeline(StandardScaler(), inner)) == OTHER
-    assert stated_cost(DummyClassifier()) is None
-    pair = VotingClassifier([("a", inner), ("b", member(dict(OTHER)))])
-    assert stated_cost(pair) == OTHER
-    assert stated_truths(pair) == ("odd", "uniform")
-    differing = VotingClassifier([("a", inner), ("b", member(MATRIX, unknown="new"))])
-    assert stated_truths(differing) == (None, "uniform")
+    assert stated_costs(PosteriorProduct([("a", inner)], cost=MATRIX))["cost"] is MATRIX
+    nothing = {"cost": None, "unknown": None, "priors": None}
+    assert stated_costs(PosteriorProduct([("a", inner)])) == nothing
+    every = {"cost": OTHER, "unknown": "odd", "priors": "uniform"}
+    assert stated_costs(make_pipeline(StandardScaler(), inner)) == every
+    assert stated_costs(DummyClassifier()) == stated_costs(object()) == nothing
+    pair = [("a", inner), ("b", member(dict(OTHER)))]
+    assert stated_costs(VotingClassifier(pair)) == every
+    pair[1] = ("b", member(dict(OTHER), unknown="new"))
+    assert stated_costs(VotingClassifier(pair)) == every | {"unknown": None}
     with pytest.raises(ValueError, match="several costs that differ"):
-        stated_cost(differing)
-    assert stated_truths(PosteriorProduct([("a", inner)])) == (None, None)
-    assert stated_truths(DummyClassifier()) == (None, None)
+        stated_costs(VotingClassifier([("a", inner), ("b", member(MATRIX))]))

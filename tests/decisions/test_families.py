@@ -133,9 +133,9 @@ def test_a_class_without_a_family_is_named():
     ("families", "options", "error", "message"),
     [
         (["a"], {}, TypeError, "families must map each state to its family"),
-        ({"a": []}, {}, ValueError, "list of states for the family 'a'"),
+        ({"a": []}, {}, ValueError, "list of states for 'a'"),
         ({"c": ["y"], "a": ["x"], "b": ["x"]}, {}, ValueError, "state 'x' into 'a' and into 'b'"),
-        ({"a": ["x", "y"], "b": "z"}, {}, ValueError, "family 'b', since others have; got 'z'"),
+        ({"a": ["x", "y"], "b": "z"}, {}, ValueError, "for 'b', as others; got 'z'"),
         ({"a": "b", "b": "c"}, {}, ValueError, "a family 'b' and a state 'b' that belongs to 'c'"),
         (
             FAMILIES,

@@ -5,14 +5,13 @@ import itertools
 import numpy as np
 import pandas as pd
 import pytest
-from sklearn.base import BaseEstimator, ClassifierMixin, clone
+from sklearn.base import clone
 from sklearn.calibration import CalibratedClassifierCV
 from sklearn.exceptions import DataConversionWarning
 from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import LogisticRegression, RidgeClassifier
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.naive_bayes import GaussianNB
-from sklearn.neighbors import KernelDensity
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.tree import DecisionTreeClassifier
@@ -151,7 +150,7 @@ def test_other_priors_follow_from_bayes_rule():
     frequencies = np.array([9, 20, 14]) / 43
     np.testing.assert_allclose(model.estimator_priors_, frequencies)
     for each in (model, clone(model).set_params(priors=None).fit(X, Y)):
-        assert (each.unknown_prior_, each.truths_.tolist()) == (0, ["dry", "new", "spall"])
+        assert each.truths_.tolist() == ["dry", "new", "spall"]
     expected = own * [0.2, 0.7, 0.1] / frequencies
     expected /= expected.sum(axis=1, keepdims=True)
     np.testing.assert_allclose(model.predict_proba(LATER), expected, rtol=1e-12)
@@ -165,13 +164,16 @@ def test_a_calibrated_classifier_decides_by_cost():
 
 def test_weights_reach_the_estimator_and_its_prior():
     weight = np.arange(len(Y)) % 3
-    for estimator in (GaussianNB(), make_pipeline(StandardScaler(), LogisticRegression())):
-        model = LeastRiskClassifier(estimator, priors="uniform").fit(X, Y, weight)
+    for estimator, name in (
+        (GaussianNB(), "sample_weight"),
+        (make_pipeline(StandardScaler(), GaussianNB()), "gaussiannb__sample_weight"),
+    ):
+        model = LeastRiskClassifier(estimator, priors="uniform").fit(X, Y, **{name: weight})
         repeated = LeastRiskClassifier(estimator, priors="uniform")
         repeated.fit(np.repeat(X, weight, axis=0), np.repeat(Y, weight))
         np.testing.assert_allclose(model.estimator_priors_, repeated.estimator_priors_)
     np.testing.assert_allclose(
-        LeastRiskClassifier(GaussianNB()).fit(X, Y, weight).predict_proba(LATER),
+        LeastRiskClassifier(GaussianNB()).fit(X, Y, sample_weight=weight).predict_proba(LATER),
         LeastRiskClassifier(GaussianNB())
         .fit(np.repeat(X, weight, axis=0), np.repeat(Y, weight))
         .predict_proba(LATER),
@@ -228,55 +230,3 @@ def test_classes_in_a_column_are_taken_with_a_warning_and_infinite_ones_are_refu
     numbers = np.where(Y == "dry", np.inf, 1.0)
     with pytest.raises(ValueError, match="Input y contains infinity"):
         model.fit(X, numbers)
-
-
-class Single(ClassifierMixin, BaseEstimator):
-    """Posteriors and priors in single precision."""
-
-    def fit(self, X, y, groups=None):
-        self.classes_, self.class_prior_ = np.unique(y), np.array([0.1, 0.9], np.float32)
-        self.groups_ = groups
-        return self
-
-    def predict_proba(self, X):
-        return np.tile(np.array([0.0, 1.0], np.float32), (len(X), 1))
-
-
-class GaussianUnits(Single):
-    needs_groups = True
-
-
-@pytest.mark.parametrize(
-    ("estimator", "options", "passed"),
-    [
-        (Single(), {}, True),
-        (Single(), {"temperature": "groups"}, False),
-        (Single(), {"detector": KernelDensity()}, False),
-        (GaussianUnits(), {"temperature": "groups"}, True),
-        (GaussianUnits(), {"detector": KernelDensity()}, True),
-    ],
-)
-def test_groups_reach_an_estimator_that_needs_them_or_if_nothing_else_does(
-    estimator, options, passed
-):
-    X, groups = np.array([[0.0], [1], [4], [5], [0.5], [4.5]]), [*"aabbcc"]
-    model = LeastRiskClassifier(estimator, **options).fit(X, [0, 0, 1, 1, 0, 1], groups=groups)
-    assert (model.estimator_.groups_ is not None) == passed
-    assert model.needs_groups == isinstance(estimator, GaussianUnits)
-    in_steps = make_pipeline(StandardScaler(), estimator)
-    if passed and options:
-        model = LeastRiskClassifier(in_steps, **options).fit(X, [0, 0, 1, 1, 0, 1], groups=groups)
-        assert list(model.estimator_[-1].groups_) == groups
-
-
-def test_a_prior_of_zero_stays_impossible_at_any_temperature():
-    X, y = np.zeros((4, 1)), [0, 0, 1, 1]
-    model = LeastRiskClassifier(Single(), priors=[1.0, 0.0], temperature=3.0).fit(X, y)
-    assert model.predict_log_proba(X[:1]).tolist() == [[0.0, -np.inf]]
-
-
-def test_what_no_group_was_left_out_for_is_refused_with_the_remedy():
-    model = LeastRiskClassifier(GaussianNB()).fit(X, Y, sample_weight=np.ones(len(Y)))
-    for found in (model.typicality, lambda X: model.set_params(temperature="groups").predict(X)):
-        with pytest.raises(ValueError, match=r"is found by leaving groups out, .* fit with gr"):
-            found(LATER)

@@ -120,7 +120,7 @@ def test_the_negative_mean_cost_is_that_of_the_truths_of_the_classifier():
     model.truths_ = np.array(["new", "worn", "odd"])
     assert neg_expected_cost(model, [0, 0, 2], ["new", "odd", "odd"]) == -(0 + 5 + 0.1) / 3
     for other in (Fixed.predict, CostSensitiveGaussianBayes()):
-        with pytest.raises(TypeError, match="neg_expected_cost uses the cost of the classifier"):
+        with pytest.raises(TypeError, match="neg_expected_cost needs a fitted classifier"):
             neg_expected_cost(other, [0], ["new"])
 
 

@@ -20,7 +20,6 @@ from emacm.decisions.pipelines import (
     groups_are_units,
     groups_options,
     search_estimator,
-    weight_parameter,
 )
 
 X = np.array([[0.0, 3.0], [2.0, 1.0], [5.0, 4.0], [9.0, 8.0]])
@@ -46,21 +45,12 @@ def test_groups_are_passed_to_all_steps_that_leave_them_out():
         (CostSensitiveGaussianBayes(), set()),
         (make_pipeline(bins, classifier), both),
         (GridSearchCV(make_pipeline(bins, GaussianNB()), {}), {"pipeline__bintransformer"}),
-        (inside, {"groups"}),
-        (make_pipeline(StandardScaler(), inside), {"leastriskclassifier"}),
+        (inside, {"pipeline__bintransformer"}),
     ):
         found = groups_options(model, ["a", "b"])
         assert {name.removesuffix("__groups") for name in found} == names
         assert all(groups == ["a", "b"] for groups in found.values())
         assert groups_options(model, None) == {}
-
-
-def test_the_name_of_weights_contains_all_steps():
-    nested = make_pipeline(StandardScaler(), make_pipeline(GaussianNB()))
-    assert weight_parameter(nested) == "pipeline__gaussiannb__sample_weight"
-    assert weight_parameter(GaussianNB()) == "sample_weight"
-    with pytest.raises(TypeError, match="KNeighborsClassifier accepts no sample_weight"):
-        weight_parameter(make_pipeline(StandardScaler(), KNeighborsClassifier()))
 
 
 def in_pipeline(classifier):
@@ -95,7 +85,6 @@ def test_units_are_the_groups_of_a_classifier_for_new_units_wherever_it_is():
         assert groups_are_units(each)
         (name,) = groups_options(each, ["a", "b"])
         assert name.endswith("groups")
-    assert list(groups_options(wrapped, ["a", "b"])) == ["groups"]
     for each in (GaussianNB(), in_pipeline(GaussianNB()), GridSearchCV(GaussianNB(), {}), object()):
         assert groups_are_units(each) is False
         assert groups_options(each, ["a", "b"]) == {}

@@ -255,9 +255,9 @@ def test_what_members_explain_adds_up_to_the_log_odds_of_the_product(fleet):
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"estimators": []}, ValueError, r"at least one pair \(name, classifier\), got \[\]"),
-        ({"estimators": GaussianNB()}, ValueError, "list of at least one pair"),
-        ({"estimators": [("a", GaussianNB()), (1, None)]}, ValueError, "at least one pair"),
+        ({"estimators": []}, ValueError, r"pairs \(name, classifier\), got \[\]"),
+        ({"estimators": GaussianNB()}, ValueError, "list of pairs"),
+        ({"estimators": [("a", GaussianNB()), (1, None)]}, ValueError, "list of pairs"),
         ({"estimators": [("a", GaussianNB())] * 2}, ValueError, r"must differ.*got \['a', 'a'\]"),
         ({"estimators": [("a__b", GaussianNB())]}, ValueError, "no '__'.*'a__b'"),
         ({"estimators": [("cost", GaussianNB())]}, ValueError, r"none of the parameters .*'cost'"),

@@ -6,9 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 from scipy.special import log_softmax
-from sklearn.base import clone
 
-from emacm import CostSensitiveGaussianBayes, LeastRiskClassifier
 from emacm.calibration.left_out import fit_temperature
 
 
@@ -61,26 +59,3 @@ def test_one_class_or_no_recording_has_no_temperature():
 def test_densities_that_tell_nothing_have_the_highest_temperature():
     scores, codes = np.repeat([[3.0], [-1.0]], 2, axis=1), np.array([0, 1])
     assert fit_temperature(scores, codes, np.ones(2), np.full(2, 0.5)) == pytest.approx(1e6)
-
-
-@pytest.mark.filterwarnings("ignore:fit was called without groups:UserWarning")
-@pytest.mark.parametrize("by_unit", [False, True])
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"covariance": "full"},
-        {"covariance": "tied", "shrinkage": "auto"},
-        {"covariance": "diag", "shrinkage": 0.2, "priors": [0.2, 0.3, 0.5]},
-    ],
-)
-def test_both_classifiers_find_the_same_temperature_for_one_model(options, by_unit):
-    rng = np.random.default_rng(3)
-    units, y = np.repeat(np.arange(15), 6), np.tile([0, 0, 1, 1, 2, 2], 15)
-    X = y[:, np.newaxis] + rng.normal(size=(15, 4))[units] + rng.normal(size=(90, 4))
-    groups = {"groups": units} if by_unit else {}
-    model = CostSensitiveGaussianBayes(**options)
-    wrapped = LeastRiskClassifier(model, temperature="groups").fit(X, y, **groups)
-    alone = clone(model).set_params(temperature="groups").fit(X, y, **groups)
-    assert wrapped.temperature_ == pytest.approx(alone.temperature_, rel=1e-5)
-    assert alone.temperature_ > 1.05
-    np.testing.assert_allclose(wrapped.predict_proba(X), alone.predict_proba(X), atol=1e-6)

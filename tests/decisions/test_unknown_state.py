@@ -8,7 +8,6 @@ from sklearn.base import clone
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.costs import cost_table
-from emacm.decisions.least_risk import LeastRiskClassifier
 from emacm.decisions.metrics import neg_expected_cost
 from emacm.decisions.new_units import NewUnitClassifier
 from emacm.decisions.truths import truth_labels, truth_priors
@@ -216,7 +215,6 @@ def test_without_groups_a_warning_names_the_remedy():
     X, y, _ = draw(11)
     for model in (
         CostSensitiveGaussianBayes(unknown="unknown"),
-        LeastRiskClassifier(CostSensitiveGaussianBayes(), temperature="groups"),
         NewUnitClassifier(),
     ):
         with pytest.warns(UserWarning, match=r"without groups.*__groups=") as caught:

@@ -107,12 +107,9 @@ def test_a_calibrated_classifier_pays_what_it_predicts():
 
 def judged_families():
     """Three classes in two families; "inspect" is no family."""
-    families = {"worn": ["dry", "spalled"], "new": ["new"]}
-    cost = pd.DataFrame(
-        [[0, 4], [1, 0], [0.5, 0.5]], index=["new", "worn", "inspect"], columns=["new", "worn"]
-    )
-    classes = np.array(["dry", "new", "spalled"])
-    rule = scoring_rule(classes, families=families, cost=cost, healthy="new")
+    rows, classes = ["new", "worn", "inspect"], np.array(["dry", "new", "spalled"])
+    cost = pd.DataFrame([[4, 0, 4], [0, 1, 0], [0.5, 0.5, 0.5]], rows, classes)
+    rule = scoring_rule(classes, cost=cost, healthy="new")
     truths = ["dry", "dry", "new", "spalled", "new", "new", "dry"]
     decisions = ["worn", "new", "inspect", "dry", "worn", "new", "inspect"]
     return rule.judge(truths, decisions), rule

@@ -7,7 +7,7 @@ from sklearn.metrics import roc_auc_score
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from emacm import ConditionRouter, CostSensitiveGaussianBayes
+from emacm import ConditionRouter, CostSensitiveGaussianBayes, family_costs
 from emacm.evaluation.bootstrap import GroupBootstrap
 from emacm.evaluation.novelty import evaluate_unknown, novelty_table
 
@@ -24,23 +24,22 @@ def fleet(n_units=20, n_each=4, seed=0):
     return rng.normal(size=(len(y), 3)) + [PLACES[state] for state in y], y, units
 
 
-def classifier(**options):
-    return CostSensitiveGaussianBayes(unknown="unknown", covariance="tied", **options)
+def classifier(cost=None, **options):
+    return CostSensitiveGaussianBayes(cost, unknown="unknown", covariance="tied", **options)
 
 
 @pytest.fixture(scope="module")
 def found():
     X, y, units = fleet()
-    model = make_pipeline(StandardScaler(), classifier())
-    return evaluate_unknown(model, X, y, units=units, families=FAMILIES, healthy="new", n_splits=5)
+    model = make_pipeline(StandardScaler(), classifier(family_costs(FAMILIES)))
+    return evaluate_unknown(model, X, y, units=units, healthy="new", n_splits=5)
 
 
 @pytest.mark.slow
 def test_decisions_and_typicality_are_those_of_a_classifier_without_the_family_and_the_units():
     X, y, units = fleet()
-    found = evaluate_unknown(
-        classifier(), X, y, units=units, families=FAMILIES, healthy="new", n_splits=2
-    )
+    model = classifier(family_costs(FAMILIES))
+    found = evaluate_unknown(model, X, y, units=units, healthy="new", n_splits=2)
     held = found.predictions.query("left_out == 'dry'")
     assert held["fold"].nunique() > 1  # how many depends on the version of scikit-learn
     for _, part in held.groupby("fold"):
@@ -141,20 +140,19 @@ def test_a_family_without_which_the_classifier_cannot_be_fitted_is_named():
 def test_costs_and_priors_of_the_family_left_out_are_left_out():
     X, y, units = fleet()
     priors = {"new": 0.5, "dry1": 0.125, "dry2": 0.125, "worn": 0.25}
-    cost = {("new", "worn"): 10, ("worn", "new"): 2, ("new", "unknown"): 5}
-    model = classifier(cost=cost, priors=priors)
-    found = evaluate_unknown(model, X, y, units=units, families=FAMILIES, healthy="new", n_splits=2)
+    cost = family_costs(FAMILIES, {("new", "worn"): 10, ("worn", "new"): 2})
+    cost["unknown"] = [5.0, 1.0, 1.0]
+    model = classifier(cost, priors=priors)
+    found = evaluate_unknown(model, X, y, units=units, healthy="new", n_splits=2)
     assert found.table.index.tolist() == ["dry", "worn"]
     held = found.predictions.query("left_out == 'worn' and fold == 0")
     rows, test = held["recording"].to_numpy(), np.isin(units, held["group"])
     train = ~test & (y != "worn")
     some = {"new": 2 / 3, "dry1": 1 / 6, "dry2": 1 / 6}
-    alone = classifier(cost={("new", "unknown"): 5}, priors=some)
+    alone = classifier(cost.drop(columns="worn"), priors=some)
     alone.fit(X[train], y[train], groups=units[train])
     assert held["decision"].tolist() == alone.predict(X[rows]).tolist()
     table = pd.DataFrame(X, columns=["a", "b", "c"]).assign(load=np.arange(len(X)) // 2 % 2)
     router = ConditionRouter(model, "load")
-    routed = evaluate_unknown(
-        router, table, y, units=units, families=FAMILIES, healthy="new", n_splits=2
-    )
+    routed = evaluate_unknown(router, table, y, units=units, healthy="new", n_splits=2)
     assert routed.table.index.tolist() == ["dry", "worn"]

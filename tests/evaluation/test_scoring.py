@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from emacm import CostSensitiveGaussianBayes
+from emacm import CostSensitiveGaussianBayes, family_costs
 from emacm.evaluation.evaluate import evaluate
 from emacm.evaluation.scoring import scoring_rule
 
@@ -58,17 +58,15 @@ def test_a_healthy_recording_decided_unknown_is_an_inspection_and_a_faulty_one_i
     assert decided_unknown.to_dict() == {"dry": 0, "new": 1, "worn": 1}
 
 
-@pytest.mark.parametrize("families", [None, {"new": ["new"], "faulty": ["dry", "worn"]}])
-def test_an_unknown_state_with_the_label_of_a_class_is_refused(families):
+def test_an_unknown_state_with_the_label_of_a_class_is_refused():
     with pytest.raises(ValueError, match="unknown = 'dry' is a class with recordings"):
-        scoring_rule(CLASSES, unknown="dry", families=families)
+        scoring_rule(CLASSES, unknown="dry")
 
 
 def test_costs_between_families_may_have_an_unknown_state():
-    families = {"new": "new", "dry": "fault", "worn": "fault"}
-    rows = ["new", "fault", "unknown"]
-    cost = pd.DataFrame([[0, 8, 9], [3, 0, 1], [2, 1, 0]], rows, rows)
-    rule = scoring_rule(CLASSES, families=families, cost=cost, unknown="unknown", healthy="new")
+    rows, columns = ["new", "fault", "unknown"], [*CLASSES, "unknown"]
+    cost = pd.DataFrame([[8, 0, 8, 9], [0, 3, 0, 1], [1, 2, 1, 0]], rows, columns)
+    rule = scoring_rule(CLASSES, cost=cost, unknown="unknown", healthy="new")
     found = rule.judge(["dry", "new", "worn"], ["new", "unknown", "unknown"])
     assert found["cost"].tolist() == [8, 2, 1]
     posterior = pd.DataFrame([[0.2, 0.5, 0.3]] * 3, columns=CLASSES)
@@ -81,18 +79,14 @@ STATES = np.array(["dry", "new", "worn 1"])
 OF_STATES = pd.DataFrame([[9, 0, 8], [0, 1, 0.5]], ["new", "worn"], STATES)
 
 
-def test_families_are_given_or_follow_from_the_cost():
-    given = scoring_rule(STATES, families=FAMILIES, healthy="new")
-    assert given.classes == ["dry", "worn 1", "new"]
-    assert given.labels == ["worn", "new"]
-    by_cost = scoring_rule(STATES, cost=OF_STATES, healthy="new")
-    assert by_cost.classes == STATES.tolist()
-    for rule in (given, by_cost):
-        assert rule.family_of == {"dry": "worn", "worn 1": "worn", "new": "new"}
-        assert (rule.alarms, rule.healthy) == ({"worn"}, "new")
-        assert (rule.unknown, rule.priors) == (None, None)
+def test_families_follow_from_the_cost():
+    rule = scoring_rule(STATES, cost=OF_STATES, healthy="new")
+    assert rule.classes == STATES.tolist()
+    assert rule.family_of == {"dry": "worn", "worn 1": "worn", "new": "new"}
+    assert (rule.alarms, rule.healthy) == ({"worn"}, "new")
+    assert (rule.unknown, rule.priors) == (None, None)
     plain = scoring_rule(STATES, healthy="new")
-    assert (plain.labels, plain.is_stated) == (STATES.tolist(), False)
+    assert plain.labels == STATES.tolist()
     assert plain.alarms == {"dry", "worn 1"}
     assert scoring_rule(STATES).healthy is None
 
@@ -100,14 +94,12 @@ def test_families_are_given_or_follow_from_the_cost():
 @pytest.mark.parametrize(("healthy", "label"), [("new", "ok"), ("ok", "ok"), (None, None)])
 def test_the_healthy_class_stands_for_its_family(healthy, label):
     families = {"ok": ["new"], "worn": ["dry", "worn 1"]}
-    assert scoring_rule(STATES, families=families, healthy=healthy).healthy == label
+    assert scoring_rule(STATES, cost=family_costs(families), healthy=healthy).healthy == label
 
 
 def test_costs_of_families_are_those_of_their_classes():
-    of_families = pd.DataFrame(
-        [[0, 7], [2, 0], [0.5, 0.4]], ["new", "worn", "look"], ["new", "worn"]
-    )
-    rule = scoring_rule(STATES, families=FAMILIES, cost=of_families)
+    prices = [[7, 0, 7], [0, 2, 0], [0.4, 0.5, 0.4]]
+    rule = scoring_rule(STATES, cost=pd.DataFrame(prices, ["new", "worn", "look"], STATES))
     table = rule.costs.loc[["new", "worn", "look"], STATES]
     np.testing.assert_array_equal(table, [[7, 0, 7], [0, 2, 0], [0.4, 0.5, 0.4]])
     assert rule.costs.loc["dry"].tolist() == table.loc["worn"].tolist()
@@ -119,15 +111,12 @@ def test_costs_of_families_are_those_of_their_classes():
     assert found["true_label"].tolist() == ["worn", "worn", "new", "worn"]
     assert found["correct"].tolist() == [True, False, False, False]
     assert found["cost"].tolist() == [0, 0.4, 2, 7]
-    mapping = {("new", "worn"): 7, ("worn", "new"): 2}
-    again = scoring_rule(STATES, families=FAMILIES, cost=mapping).costs
-    np.testing.assert_array_equal(again.loc[["new", "worn"], STATES], table.iloc[:2])
     posterior = pd.DataFrame([[0.2, 0.3, 0.5]], columns=["worn 1", "dry", "new"])
     assert rule.predicted_costs(["look"], posterior) == pytest.approx(0.5 * 0.4 + 0.5 * 0.5)
 
 
-def test_without_costs_wrong_decisions_are_counted():
-    rule = scoring_rule(STATES, families=FAMILIES, unknown="odd")
+def test_costs_of_0_and_1_count_wrong_decisions():
+    rule = scoring_rule(STATES, cost=family_costs(FAMILIES), unknown="odd")
     found = rule.judge(["dry", "new", "new"], ["worn 1", "odd", "new"])
     assert found["cost"].tolist() == [0, 1, 0]
     assert found["decided_label"].tolist() == ["worn", "odd", "new"]

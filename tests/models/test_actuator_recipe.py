@@ -144,7 +144,7 @@ def test_evaluate_passes_the_runs_and_counts_decisions_on_families():
 @new_lines
 def test_without_groups_single_recordings_are_left_out_with_a_warning():
     X, y = campaign(8, loads=(20,))
-    with pytest.warns(UserWarning, match="near-duplicates and make the model over-confident"):
+    with pytest.warns(UserWarning, match="make the model over-confident"):
         model = recipe().fit(X, y)
     assert model.predict([another_machine(1)]).tolist() == ["unknown"]
 

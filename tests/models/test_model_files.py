@@ -195,7 +195,7 @@ def test_a_baseline_stores_what_was_learned_and_no_recordings(fitted, tmp_path):
     stored = loaded.named_steps["signalbaseline"].baseline_recordings
     assert stored[0].endswith(X[0].digest)
     assert (tmp_path / "model.emacm").stat().st_size < 100_000
-    with pytest.raises(ValueError, match=r"not stored in the model file.*Set them again"):
+    with pytest.raises(ValueError, match=r"set baseline_recordings again: .* is not stored"):
         loaded.fit(X, STATES)
 
 
@@ -294,10 +294,10 @@ def test_a_missing_folder_is_named(tmp_path):
         )
 
 
-@pytest.mark.parametrize(("model", "note"), [(BAYES, 3), (3, None), (StandardScaler, None)])
-def test_what_is_no_model_is_refused(tmp_path, model, note):
+@pytest.mark.parametrize("model", [3, StandardScaler])
+def test_what_is_no_model_is_refused(tmp_path, model):
     with pytest.raises(TypeError, match="must be"):
-        save_model(model, tmp_path / "model.emacm", note=note)
+        save_model(model, tmp_path / "model.emacm")
 
 
 def test_a_model_that_is_not_fitted_is_refused(tmp_path):

@@ -2,8 +2,7 @@
 Can I use costs with my own classifier?
 =======================================
 
-With any that states probabilities: `LeastRiskClassifier` calibrates them on left-out recordings
-and takes the decision of least expected cost.
+With any that states probabilities: `LeastRiskClassifier` takes the decision of least expected cost.
 """
 
 import numpy as np
