@@ -324,6 +324,11 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         left = self.left_out_[self.left_out_["baseline"] == kind]
         groups, values = pd.factorize(left["group"])[0], left["index"].to_numpy()
         n_groups = len(set(groups))
+        if not n_groups:
+            raise ValueError(
+                "there is no limit, as no healthy group can be left out. Take groups that are "
+                "smaller, such as runs, or more healthy recordings."
+            )
         if self.few_groups == "log-normal" and 1 < n_groups < groups_needed(1 - self.false_alarm):
             largest = np.log(pd.Series(values).groupby(groups).max())
             quantile = student.ppf(1 - self.false_alarm, n_groups - 1)

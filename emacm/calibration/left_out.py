@@ -405,7 +405,8 @@ def grouped_quantile(
     if n_groups < groups_needed(coverage):
         raise ValueError(
             f"{n_groups} {name} cannot support a coverage of {coverage:g}, which takes at least "
-            f"{groups_needed(coverage)}; they support at most {n_groups / (n_groups + 1):.3g}."
+            f"{groups_needed(coverage)}; they support at most {n_groups / (n_groups + 1):.3g}. "
+            f"Fit with more {name}, or give a smaller coverage."
         )
     shares = 1 / np.bincount(numbers)[numbers]
     if weight is not None:

@@ -213,7 +213,7 @@ FAILURES = {
     "truncated wav": ("a.wav", lambda p: wav(p, cut=2000), Layout(velocity=3), "truncated"),
     "text in an npz": ("a.npz", lambda p: p.write_text("vib"), LAYOUT, "as a .npz file"),
     "bytes in a csv": ("a.csv", lambda p: p.write_bytes(bytes(range(256))), LAYOUT, "bytes 0"),
-    "unknown type": ("a.xyz", lambda p: p.write_text("vib"), LAYOUT, "files of type .xyz"),
+    "unknown type": ("a.xyz", lambda p: p.write_text("vib"), LAYOUT, "files of type '.xyz'"),
     "pickled objects": (
         "a.npz",
         lambda p: npz(p, vib=np.array([{}, []], object)),
