@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -86,6 +87,9 @@ def layout_of_options(options: argparse.Namespace, path: Path) -> Layout:
     drafted = tomllib.loads(draft_layout(contents, path))
     remarks = contents.remarks
     if options.speed is not None:
+        if contents.shaft:
+            text = f"--speed {options.speed:g} rpm is used, {contents.shaft!r} of the files is not."
+            print(f"emacm: WARNING: {text}", file=sys.stderr)
         drafted = {name: value for name, value in drafted.items() if name not in ("angle", "tacho")}
         drafted["velocity"] = f"{options.speed:g} rpm"
     elif contents.of_shaft:

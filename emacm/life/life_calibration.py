@@ -19,6 +19,7 @@ Bools = NDArray[np.bool_]
 
 BEFORE_ONSET = "before onset"
 DAMAGE = "damage"
+WITHOUT_INDEX = "without index"  # the population at any age, with which intervals are compared
 SAME_AGE, EARLIER_AGE = "same age", "earlier age"
 
 
@@ -81,6 +82,11 @@ class History:
     def running(self) -> Bools:
         """Whether there is damage before the end, of each reading."""
         return self.damaged & (self.remaining > 0)
+
+    @property
+    def without_index(self) -> History:
+        """The same unit, of which only the age is known."""
+        return replace(self, onset=len(self.ages))
 
     @property
     def states(self) -> Array:
@@ -279,7 +285,7 @@ def outside_fit(X: Array, fitted: Array, *, margin: float = 0.0) -> list[str]:
     return statements
 
 
-def statement(row: dict[str, Any], coverage: float) -> str:
+def statement(row: dict[str, Any], coverage: float, without_index: Array) -> str:
     """Say what an interval is based on.
 
     Parameters
@@ -288,6 +294,8 @@ def statement(row: dict[str, Any], coverage: float) -> str:
         Its row in the table of `RemainingLife.predict_interval`.
     coverage : float
         Its coverage.
+    without_index : ndarray of shape (2,)
+        Lower and upper limit from the age alone.
     """
     basis, when = "No damage is known: this is the life of the population.", "of this age"
     if row["stage"] == DAMAGE:
@@ -299,6 +307,9 @@ def statement(row: dict[str, Any], coverage: float) -> str:
     elif row["calibration"] != SAME_AGE:
         units = f"{row['n_units']} units earlier"
         interval = f"{coverage:.0%} interval as of {units}: too few {when}."
+    low, high = without_index
+    if row["stage"] == DAMAGE and row["upper"] - row["lower"] > high - low:
+        interval += f" It is wider than the one from the age alone, {low:.3g} to {high:.3g}."
     return f"{basis} {interval}"
 
 
@@ -398,7 +409,7 @@ class LifeCalibration:
     def __init__(
         self, histories: list[History], fit: Callable[[list[History]], LifeModels]
     ) -> None:
-        self.units: dict[str, list[Levels]] = {BEFORE_ONSET: [], DAMAGE: []}
+        self.units: dict[str, list[Levels]] = {BEFORE_ONSET: [], DAMAGE: [], WITHOUT_INDEX: []}
         numbers = np.arange(len(histories))
         for others, rows in left_out(np.zeros_like(numbers), numbers):
             models = fit([histories[k] for k in others])
@@ -424,11 +435,13 @@ class LifeCalibration:
         return half_width(levels, censored, coverage), len(alive)
 
     def _add(self, models: LifeModels, unit: History) -> None:
-        levels = models.cdf(unit, unit.remaining[:, np.newaxis])[:, 0]
-        for stage, rows, end in (
-            (BEFORE_ONSET, ~unit.damaged, min(unit.onset_age, unit.life)),
-            (DAMAGE, unit.running, unit.life - unit.onset_age),
+        new = unit.without_index
+        for stage, known, rows, end in (
+            (BEFORE_ONSET, unit, ~unit.damaged, min(unit.onset_age, unit.life)),
+            (DAMAGE, unit, unit.running, unit.life - unit.onset_age),
+            (WITHOUT_INDEX, new, unit.remaining > 0, unit.life),
         ):
             if rows.any():
-                one = Levels(unit.times[rows], levels[rows], end, not unit.failed)
+                levels = models.cdf(known, unit.remaining[:, np.newaxis])[:, 0]
+                one = Levels(known.times[rows], levels[rows], end, not unit.failed)
                 self.units[stage].append(one)

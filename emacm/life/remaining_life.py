@@ -22,6 +22,7 @@ from emacm._checks import (
 )
 from emacm._saved import SavedEstimator
 from emacm.life.life_calibration import (
+    WITHOUT_INDEX,
     History,
     LifeCalibration,
     LifeModels,
@@ -323,7 +324,8 @@ class RemainingLife(RegressorMixin, SavedEstimator):
             (units on which the interval is calibrated), "calibration" ("same age": on units of the
             same age or time since the onset; "earlier age": too few units reached it, so that the
             interval is as wide as at the latest one that enough units reached) and "statement", in
-            words, also of an age or an index outside the range of the fit.
+            words, also of an age or an index outside the range of the fit, and of an interval that
+            is wider than the one from the age alone.
 
         Raises
         ------
@@ -346,9 +348,14 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         table[["median", "lower", "upper"]] = self._quantiles(units, np.clip(0.5 + levels, 0, 1))
         table["n_units"], table["calibration"] = n_units, calibration
         rows, outside = table.to_dict("records"), outside_fit(X, self._fitted_range)
+        without = np.empty((len(X), 2))
+        for unit in units:
+            wide = [self._calibration.width(WITHOUT_INDEX, x, coverage)[0] for x in unit.ages]
+            limits = np.clip(0.5 + np.outer(wide, [-1, 1]), 0, 1)
+            without[unit.rows] = self.models_.quantiles(unit.without_index, limits)
         table["statement"] = [
-            f"{statement(row, coverage)} {text}".rstrip()
-            for row, text in zip(rows, outside, strict=True)
+            f"{statement(row, coverage, plain)} {text}".rstrip()
+            for row, plain, text in zip(rows, without, outside, strict=True)
         ]
         return table
 

@@ -371,3 +371,23 @@ def test_dearer_failures_stop_earlier_and_dearer_lost_life_later():
         return fitted.decide(X, costs, units)["decision"].eq("stop").sum()
 
     assert stops(failure=50_000) > stops() > stops(early=100)
+
+
+@pytest.mark.slow
+def test_an_index_that_says_nothing_gives_intervals_that_are_stated_to_be_too_wide():
+    X, y, groups, _ = followed(range(30))
+    noise = X.copy()
+    noise[:, 1] = np.random.default_rng(1).normal(size=len(X))
+    ages = RemainingLife().fit(X[:, :1], y, groups=groups).predict_interval(X[:, :1], groups)
+    stated = {}
+    for name, table in {"index": X, "noise": noise}.items():
+        fitted = RemainingLife("weibull", onset=None if name == "noise" else -35.0, consecutive=1)
+        found = fitted.fit(table, y, groups=groups).predict_interval(table, groups)
+        words = found["statement"].str.extract("from the age alone, (.*) to (.*)[.]").astype(float)
+        too_wide, width = words[0].notna(), found["upper"] - found["lower"]
+        plain = (ages["upper"] - ages["lower"])[too_wide]
+        assert (width[too_wide] > plain).all()
+        np.testing.assert_allclose((words[1] - words[0])[too_wide], plain, rtol=0.02)
+        stated[name] = too_wide[found["stage"] == "damage"].mean()
+    assert stated["index"] < 0.1
+    assert stated["noise"] > 0.4
