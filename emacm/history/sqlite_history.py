@@ -109,9 +109,10 @@ class History:
         places = ", ".join("?" * len(values))
         self._base.execute(f"INSERT {where} VALUES ({places}) {otherwise}", values)
 
-    def records(self) -> list[dict[str, Any]]:
-        """Return all records, in order of their end."""
-        found = self._base.execute('SELECT record FROM records ORDER BY "end", id')
+    def records(self, unit: str | None = None) -> list[dict[str, Any]]:
+        """Return all records, or those of a unit, in order of their end."""
+        where, values = ("", ()) if unit is None else ("WHERE unit = ?", (unit,))
+        found = self._base.execute(f'SELECT record FROM records {where} ORDER BY "end", id', values)
         return [json.loads(text) for (text,) in found]
 
     def last_records(self, most: int = 1) -> list[dict[str, Any]]:

@@ -161,8 +161,8 @@ class AngleStroke:
     @property
     def signals(self) -> NDArray[np.floating]:
         """The channels at these angles, shape (n_channels, n_angles); resampled now."""
-        blocks = list(self.blocks(range(len(self.parent.channels))))
-        return np.concatenate(blocks, axis=1, dtype=self.parent.dtype)
+        rows = range(len(self.parent.channels))
+        return _joined(self.blocks(rows), len(rows)).astype(self.parent.dtype, copy=False)
 
     def blocks(self, rows: Sequence[int]) -> Iterator[NDArray[np.floating]]:
         """Resample channels block by block, for strokes of any length.
@@ -184,7 +184,7 @@ class AngleStroke:
         joined = np.empty((len(rows), self.path.count(self.parent.theta_s)))
         for group in filter(None, groups):
             places = [rows.index(row) for row in group]
-            joined[places] = np.concatenate(list(self._of_one_rate(group)), axis=1)
+            joined[places] = _joined(self._of_one_rate(group), len(group))
         return iter([joined])
 
     def _of_one_rate(self, rows: Sequence[int]) -> Iterator[NDArray[np.floating]]:
@@ -197,6 +197,11 @@ class AngleStroke:
         if parent.antialias:
             return spread_rows(*grid)
         return interpolated(*grid, parent.interpolation)
+
+
+def _joined(blocks: Iterator[NDArray[np.floating]], n_rows: int) -> NDArray[np.floating]:
+    """Return blocks as one array; a stroke that ends before its first grid angle has none."""
+    return np.concatenate([np.empty((n_rows, 0)), *blocks], axis=1)
 
 
 def jump_warning(recording: Recording) -> tuple[float, str]:

@@ -64,6 +64,15 @@ def test_samples_lie_at_whole_multiples_of_the_angle_between_them():
             assert stroke.n_angles == stroke.signals.shape[1] == len(stroke.angles)
 
 
+def test_a_stroke_without_a_grid_angle_is_nothing():
+    angle = 0.1 + np.cumsum(np.r_[np.full(4, 0.05), np.zeros(30), np.full(400, -0.05)])
+    load = {"load": 20}
+    run = Recording({"a": np.ones(434)}, 100, angle=angle, meta=load)
+    X = OrderResampler(2 * np.pi / 6).fit_transform([run] * 2)
+    (left,) = SignalBaseline().fit(X, ["normal"] * 2).transform(X[:1])
+    assert [stroke.direction for stroke in left.strokes] == [-1]
+
+
 def test_each_direction_has_a_baseline_of_its_own():
     X = over_angle([run(offset=offset) for offset in OFFSETS])
     baseline = SignalBaseline().fit(X, ["normal"] * len(X)).baselines_[20]
