@@ -91,7 +91,7 @@ def name_bins(panel: Any, names: Sequence[str]) -> None:
 
 
 def draw_steps(
-    ax: Any, places: NDArray[Any], values: NDArray[Any], label: str, number: int
+    ax: Any, places: NDArray[Any], values: NDArray[Any], label: str, number: int, **style: Any
 ) -> None:
     """Draw a line at each value from edge to edge, connected where bins are adjacent.
 
@@ -100,7 +100,7 @@ def draw_steps(
     gaps = 2 * np.flatnonzero(places[1:, 0] != places[:-1, 1]) + 2
     x = np.insert(places.ravel(), gaps, places.ravel()[gaps])
     y = np.insert(np.repeat(values, 2), gaps, np.nan)
-    style = {"linewidth": 1.3, "solid_joinstyle": "miter", **line_style(number)}
+    style = {"linewidth": 1.3, "solid_joinstyle": "miter", **line_style(number), **style}
     ax.plot(x, y, label=wrapped(label), **style)
 
 

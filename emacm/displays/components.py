@@ -193,7 +193,10 @@ class LoadingsDisplay(Display):
             panel.axhline(0, color="0.3", linewidth=0.6)
             for number, block in enumerate(blocks, 1):
                 places, own = _bars.bin_places(block), weights[block.columns]
-                _bars.draw_steps(panel, places, own, block.channel, number)
+                if len(blocks) == 1:
+                    _bars.draw_bars(panel, places, own, **bar_style(_drawing.PLAIN))
+                else:
+                    _bars.draw_steps(panel, places, own, block.channel, number)
             unbroken = title.replace(" ", "\u00a0")
             _drawing.label_y(panel, f"weight in {unbroken}", "1")
         _drawing.legend_above(axes[0])

@@ -308,7 +308,8 @@ class OrderBinsDisplay(PowerDisplay):
         for panel, block in zip(axes, self.blocks, strict=True):
             for label, number in _drawing.state_numbers(self.powers, self.healthy).items():
                 levels = _drawing.decibels(self.powers[label][block.columns])
-                _bars.draw_steps(panel, _bars.bin_places(block), levels, label, number)
+                alone = {"linestyle": "-"} if len(self.powers) == 1 else {}
+                _bars.draw_steps(panel, _bars.bin_places(block), levels, label, number, **alone)
             if _bars.has_order_axis(block):
                 _bars.draw_stop_bands(panel, self.stop_bands)  # last in the legend
             self._label_power(panel, block.channel, "power")

@@ -218,7 +218,7 @@ def _encoding(path: Path, n_head: int, longest: int) -> str:
 def _row(number: int, line: str, separator: str | None) -> _Row:
     is_comment = line.startswith(("#", "%"))
     line = line.lstrip("#% \t") if is_comment else line
-    plain = re.sub(r"\s+(?=[\[(])", "", line)  # "speed [rpm]" is one name
+    plain = re.sub(r"(?<!\s)\s++(?=[\[(])", "", line)  # "speed [rpm]" is one name
     fields = line.split(separator) if separator else plain.split()
     if separator and '"' in line:
         fields = next(csv.reader([line], delimiter=separator))
