@@ -362,7 +362,5 @@ def test_the_picture_has_a_panel_for_each_unit_and_states_the_false_alarm_rate()
 def test_a_limit_needs_more_than_one_group():
     X = np.random.default_rng(0).normal(size=(30, 3))
     index = HealthIndex().fit(X, groups=["run 1"] * 30)
-    with pytest.raises(
-        ValueError, match="no healthy group can be left out. Take groups that are smaller"
-    ):
+    with pytest.raises(ValueError, match="no healthy group can be left out"):
         index.limit()
