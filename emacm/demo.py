@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import sys
 import tempfile
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ from emacm.displays._drawing import offscreen_panels
 from emacm.evaluation.scoring import scoring_rule
 from emacm.machine.fault_orders import fault_orders
 from emacm.models.model_files import load_model, save_model
-from emacm.models.scoring import score
+from emacm.models.scoring import outside_training, score
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
@@ -85,8 +86,28 @@ def simulated_demo(out: Path, *, n_jobs: int | None = None) -> None:
         models[missed] = copy.deepcopy(model).set_params(costsensitivegaussianbayes__cost=cost)
         print_decisions(truths, models[missed].predict(others), cost)
     print("\nThe higher the cost of a missed detection, the more units are inspected.")
+    _print_unlike(models[MISSED[0]], others[0])
     _save_and_diagnose(models[MISSED[0]], out / "simulated.emacm", others[::6], truths[::6])
     _draw(models, recordings, states, out / "simulated.png")
+
+
+def _print_unlike(model: Pipeline, recording: Recording) -> None:
+    """Print decisions on a recording with wrong inputs, and what is unlike the training."""
+    print("\nThe first of these recordings with wrong inputs, which no training recording has:")
+    current, sound = (recording.signals[name] for name in _CHANNELS)
+    for name, channels, rpm in (
+        ("gain of 1000", (1000 * current, 1000 * sound), 1.0),
+        ("channels swapped", (sound, current), 1.0),
+        ("speed in rpm", (current, sound), 60 / (2 * np.pi)),
+    ):
+        signals = dict(zip(_CHANNELS, channels, strict=True))
+        rates = {channel: recording.fs[channel] for channel in _CHANNELS}
+        angle, shaft_fs = rpm * recording.angle, recording.shaft_fs
+        changed = Recording(signals, rates, angle=angle, shaft_fs=shaft_fs)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # the same statements
+            print(f"{name}: decision {str(model.predict([changed])[0])!r}")
+        print(*(f"    {text}" for text in outside_training(model, [changed])[0]), sep="\n")
 
 
 def cost_matrix(classes: ArrayLike, missed: float) -> pd.DataFrame:

@@ -89,6 +89,15 @@ def test_figures_in_service_are_weighted_to_realistic_priors(capsys):
     ) in printed
 
 
+@pytest.mark.slow
+def test_wrong_inputs_are_stated(run):
+    printed = run["text"].split("with wrong inputs")[1].split("Model saved")[0]
+    names = re.findall(r"^([a-z].+): decision '.+'$", printed, re.M)
+    assert names == ["gain of 1000", "channels swapped", "speed in rpm"]
+    for words in ("60 dB above training", "is it in rpm?"):
+        assert words in printed
+
+
 def test_a_missed_detection_is_the_expensive_error_and_priors_sum_to_one():
     cost = demo.cost_matrix(["a", "b", "healthy"], 30)
     assert cost.loc["healthy"].tolist() == [30, 30, 0]
