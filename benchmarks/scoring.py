@@ -144,11 +144,11 @@ print(used.ru_utime + used.ru_stime, largest, file=sys.stderr)
 def main() -> None:
     """Print the CPU time for each file and the memory."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="200 files")
+    parser.add_argument("--quick", action="store_true", help="60 files")
     parser.add_argument("--files", type=int, default=10_000)
     json_option(parser)
     options = parser.parse_args()
-    n_files = 200 if options.quick else options.files
+    n_files = 60 if options.quick else options.files
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "files").mkdir()

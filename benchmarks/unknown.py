@@ -330,7 +330,7 @@ def features() -> Any:
     )
 
 
-def wrong_inputs(n_units: int, n_runs: int) -> pd.DataFrame:
+def wrong_inputs(n_units: int, n_runs: int, n_changed: int) -> pd.DataFrame:
     """Return the fraction of recordings of each kind that are recognised.
 
     Columns: "typicality" of at most 0.01, or refused with an error; "or warning" of
@@ -342,7 +342,7 @@ def wrong_inputs(n_units: int, n_runs: int) -> pd.DataFrame:
     X = np.asarray(pipeline.fit_transform(recordings))
     model = classifier(unknown="unknown").fit(X, states, groups=units)
     good, *_ = simulate_fleet(n_units, n_runs, seed=1, first_unit=1000)
-    changed = good[:: max(1, len(good) // 24)]
+    changed = good[:: max(1, len(good) // n_changed)]
     kinds = WRONG | new_lines(learned_amplitudes(X, states, pipeline)) | OWN
 
     def recognised(x: Any) -> tuple[bool, bool]:
@@ -483,7 +483,7 @@ def main() -> None:
             )
             size = (3, 2) if options.quick else (10, 4)
             found, weak = (
-                wrong_inputs(*size),
+                wrong_inputs(*size, 2 if options.quick else 24),
                 weak_lines(*size, SEEDS[: 1 if options.quick else None]),
             )
     lines = found.index.str.contains(" x line at ")
