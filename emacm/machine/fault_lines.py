@@ -135,6 +135,10 @@ class LineLevels:
         separable = self._without_shaft and fault.slips and distance[0] >= 1.5 * self._step
         return np.asarray(separable & (distance > 0.5 * self._step))
 
+    def separates(self, fault: FaultSeries) -> bool:
+        """Return whether the lowest line of a series cannot be a harmonic of the shaft."""
+        return bool(self._apart_from_shaft(fault)[0])
+
     def heights(self, psd: Array) -> Array:
         """Return each line over its local background [dB], of the shape of `psd`.
 

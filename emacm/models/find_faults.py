@@ -218,8 +218,7 @@ def find_faults(
     >>> ring = np.exp(-np.arange(60) / 10) * np.sin(0.6 * np.pi * np.arange(60))
     >>> signal = np.convolve(struck, ring)[: 8 * fs] + 0.3 * rng.standard_normal(8 * fs)
     >>> run = Recording({"vibration": signal}, fs, velocity=2 * np.pi * 30)
-    >>> found = find_faults([run], {"BPFI": 5.415, "BPFO": 3.585})
-    >>> found["named"].tolist()
+    >>> find_faults([run], {"BPFI": 5.415, "BPFO": 3.585})["named"].tolist()
     ['BPFI']
     """
     check_count(harmonics, "harmonics", at_most=100)
@@ -361,7 +360,7 @@ class _Spectrum(NamedTuple):
         # The shaft, and the cage, which slips as well.
         return [turn * slowed for turn in own | stands_out for slowed in (1.0, 1 + fault.slip)]
 
-    def further(self, named: Sequence[str], false_alarm: float) -> _Fault | None:
+    def further(self, named: Sequence[str], rate: float, finest: LineLevels) -> _Fault | None:
         """Return the strongest fault that has lines which those named do not explain."""
         faults = self.faults()
         known = [fault for fault in faults if fault.series.name in named]
@@ -375,8 +374,9 @@ class _Spectrum(NamedTuple):
             fault
             for fault in self.faults(np.logical_or.reduce(explained))
             if fault.series.name not in named
+            and self.lines.separates(fault.series) == finest.separates(fault.series)  # from shaft
             and not fault.modulated(faults)
-            and fault.p <= false_alarm / len(faults)
+            and fault.p <= rate / len(faults)
             and fault.score >= SETTINGS.named
             and not fault.depth < SETTINGS.depth  # it is NaN in a table
             and sorted(fault.heights)[-2:][0] >= SETTINGS.further
@@ -441,10 +441,10 @@ class _Finding(NamedTuple):
             return cls(faults, NOT_ASSESSED, error.series.name, error, text)
         reason = reason or ("" if healthy else fine[0].other_source(best))
         if not reason:
-            names, text = [best.series.name], _sentence(best, faults)
-            while more := next(filter(None, (s.further(names, false_alarm) for s in fine)), None):
-                names.append(more.series.name)
-                text += f"; {_sentence(more, faults)}"
+            names, text, finest = [best.series.name], _sentence(best, faults), fine[0].lines
+            while found := [f for s in fine if (f := s.further(names, false_alarm, finest))]:
+                names.append(found[0].series.name)
+                text += f"; {_sentence(found[0], faults)}"
             return cls(faults, " + ".join(names), NONE, best, text)
         passed = [fault for fault in faults if not _unlikely(fault, faults, false_alarm)]
         best = best if best in passed or not passed else max(passed, key=lambda f: f.score)
