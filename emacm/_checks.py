@@ -93,10 +93,10 @@ def check_finite(array: NDArray[np.floating], name: str) -> None:
     # A NaN is the smallest and the largest value; no array of truth values is made.
     if array.size and not (np.isfinite(array.min()) and np.isfinite(array.max())):
         index = int(np.argmin(np.isfinite(array)))
-        raise ValueError(
-            f"{name} must be finite, got {array[index]} at sample {index}. "
-            f"Cut the recording before it, or repair the gap."
-        )
+        text = f"{name} must be finite, got {array[index]} at sample {index}"
+        if index == 0 and not np.isfinite(array).any():
+            raise ValueError(f"{text}, and has no value at all. Leave it out.")
+        raise ValueError(f"{text}. Cut the recording before it, or repair the gap.")
 
 
 def check_signal(values: ArrayLike, name: str, *, min_length: int = 2) -> NDArray[np.floating]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from contextlib import suppress
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -85,6 +86,9 @@ def read_parts(path: Path) -> list[Any]:
                 )
             with located(name):
                 for one in np.ravel(tables):
+                    known = list(signature(kinds[name]).parameters)
+                    if unknown := [key for key in one if key not in known]:
+                        raise ValueError(f"{unknown[0]!r} is not known; possible are {known}.")
                     found.append(kinds[name](**one))
         if not found:
             raise ValueError("it holds no part; write a table such as [[Bearing]].")

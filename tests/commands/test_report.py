@@ -183,6 +183,9 @@ def test_parts_are_read_by_the_names_of_their_classes(tmp_path):
     file.write_text("[Bearing]\nn_balls = 9\n")
     with pytest.raises(TypeError, match=r"Bearing: .*ball_diameter"):
         read_parts(file)
+    file.write_text("[[Bearing]]\nn_bals = 9\n")
+    with pytest.raises(ValueError, match=r"'n_bals' is not known; possible are \['n_balls'"):
+        read_parts(file)
     file.write_text("")
     with pytest.raises(ValueError, match="holds no part"):
         read_parts(file)

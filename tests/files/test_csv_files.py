@@ -137,7 +137,10 @@ BLANK = "b,c,,,\n" + "1,2,,,\n" * 300  # more rows than are looked at for blank 
         ("1;2\n", "channel 'x0' must hold at least 2 samples"),
         ("b,c\n1,2,5\n3,4\n6,7\n8,9\n", "line 2 has 3 values, but there are 2 columns. Correct"),
         ("b,,c\n1,2,3\n4,5,6\n", r"header \['b', '', 'c'\] does not name the 3 columns"),
-        ("b,c,d\n1,,3\n4,,6\n", "channel 'c' must be finite, got nan at sample 0"),
+        (
+            "b,c,d\n1,,3\n4,,6\n",
+            "channel 'c' must be finite, got nan at sample 0, and has no value at all",
+        ),
     ],
 )
 def test_rows_that_do_not_fit_the_header_are_refused(tmp_path, text, message):
