@@ -7,7 +7,7 @@ the number that is allowed. Compiled loops are not traced.
 - `OrderResampler.transform` and `OrderPSD.transform` of one recording,
 - all steps of `actuator_recipe` before its classifier, for one recording,
 - `fit` of that classifier, with an unknown state,
-- `score` of one recording.
+- `score` of one recording, by the four estimators of the thesis and by that recipe.
 
 The columns beside it are the changes of module (calls whose caller, the next function of emacm on
 the stack, is in another module, and the returns from them), and the largest number of nested calls.
@@ -29,8 +29,17 @@ from typing import Any
 import numpy as np
 from measure import header, json_option, table, write_json
 from sklearn.base import clone
+from sklearn.pipeline import make_pipeline
 
-from emacm import OrderPSD, OrderResampler, Recording, actuator_recipe, score
+from emacm import (
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    OrderPSD,
+    OrderResampler,
+    Recording,
+    actuator_recipe,
+    score,
+)
 
 
 class Trace:
@@ -100,6 +109,12 @@ def main() -> None:
     resampler = OrderResampler(2 * np.pi / 32).fit(runs)
     spectra = OrderPSD(4, max_order=10).fit(resampler.transform(runs))
     model = actuator_recipe(max_order=6).fit(runs, labels, costsensitivegaussianbayes__groups=units)
+    chain = make_pipeline(
+        resampler,
+        spectra,
+        BinTransformer(max_order=6),
+        CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", unknown="unknown"),
+    ).fit(runs, labels, costsensitivegaussianbayes__groups=units)
     table_of_features = model[:-1].transform(runs)
 
     def traced(recording: Recording) -> dict[str, tuple[Trace, int | None]]:
@@ -116,7 +131,8 @@ def main() -> None:
                 Trace(lambda: clone(model[-1]).fit(table_of_features, labels, groups=units)),
                 12,
             ),
-            "score": (Trace(lambda: score(model, [recording])), 25),
+            "score, thesis": (Trace(lambda: score(chain, [recording])), 25),
+            "score, actuator_recipe": (Trace(lambda: score(model, [recording])), None),
         }
 
     traced(fresh[0])

@@ -4,8 +4,9 @@ Five channels at 48 kHz, the shaft at 48 rev/s with 15 % ripple; Hann windows of
 revolutions, half overlapping; bins of one order up to 50. Then 32 recordings
 with two channels of 2,560 samples at 2,560 Hz, at 20 rev/s, one after the other in scripts, and as
 one list in emacm. Recordings are new to pipelines that were fitted before: each repeat constructs
-the `Recording`, checks its quality and transforms it, as `score` does; "used before" is a recording
-that remembers its strokes and its quality. Prints the processor's time, medians of
+the `Recording`, checks its quality and transforms it, as `score` does. Its arrays are read-only, as
+those that emacm reads from files; "copied" are arrays that can be written to. "Used before" is a
+recording that remembers its strokes and its quality. Prints the processor's time, medians of
 interleaved repeats, and its ratios to scripts (b) and (c), and the errors of each variant: power of
 a tone at order 49.5, noise floor, and power aliased from a tone at order 130.5. "Defaults" has the
 package's own segments of 16 revolutions; "as in the thesis" is `OrderPSD(n_per_segment=4096)`,
@@ -133,6 +134,7 @@ def made(
     else:
         rows = np.tile(np.sin((TONE if kind == "tone" else ALIASED) * angle), (n_channels, 1))
         true = 0.5
+    rows.flags.writeable = velocity.flags.writeable = False
     return Measured(rows, fs, velocity), true
 
 
@@ -196,11 +198,13 @@ def main() -> None:
         }
     measured, _ = made(seconds, "noise")
     used, halved = measured.recording(), measured._replace(rows=measured.rows.astype(np.float32))
+    writable = Measured(measured.rows.copy(), measured.fs, measured.velocity.copy())
     runs = {name: partial(f, measured) for name, f in variants.items()}
     for name in kernels:
         for kind in ("linear, as in the thesis", "defaults"):
             f = variants[f"emacm, {kind}, {name}"]
             runs[f"emacm, {kind}, {name}, used before"] = partial(f, used)
+        runs[f"emacm, defaults, {name}, copied"] = partial(f, writable)
         runs[f"emacm, defaults, {name}, float32"] = partial(f, halved)
     runs["one read and the bare transforms, 1000/rev"] = partial(least, measured)
     rows = timed(runs, repeats)

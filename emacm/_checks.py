@@ -90,8 +90,8 @@ def check_table(values: Any) -> None:
 
 def check_finite(array: NDArray[np.floating], name: str) -> None:
     """Raise a ValueError with the place of the first NaN or infinity in a 1-D array."""
-    # A NaN is the smallest and the largest value; no array of truth values is made.
-    if array.size and not (np.isfinite(array.min()) and np.isfinite(array.max())):
+    # One pass without an array of truth values; squares of large numbers may overflow.
+    if not np.isfinite(array @ array) and not np.isfinite(array).all():
         index = int(np.argmin(np.isfinite(array)))
         text = f"{name} must be finite, got {array[index]} at sample {index}"
         if index == 0 and not np.isfinite(array).any():

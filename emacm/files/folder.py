@@ -179,6 +179,9 @@ class FileRecording(Recording):
                 with located(printable(state.path)):
                     second = read_columns(Path(state.path))
             found = recording_arguments(columns, self.layout, second)
+            for values in (*found["signals"].values(), found.get("angle"), found.get("velocity")):
+                if isinstance(values, np.ndarray) and values.base is None:
+                    values.flags.writeable = False  # nobody else has it: it is not copied
             recording = Recording(**found, meta=self._meta)
             recording.once("start", lambda: start_of(columns, self.layout))
         self._check_files()  # they may have been written while they were read

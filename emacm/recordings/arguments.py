@@ -197,15 +197,15 @@ def _check_times(index: Any, rate: float, name: str, *, tolerance: float = 0.6) 
 
 
 def immutable(array: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return an array whose content cannot be changed through Python.
+    """Return an array that nobody can write to: the given one, or a copy.
 
-    Arrays over `bytes` and over memory maps that were opened read-only are kept as they are;
-    all others are copied, as a read-only array may be made writeable again by its owner.
+    Read-only arrays are kept as they are if the memory is theirs, of an array that is read-only
+    too, of `bytes`, or of a memory map that was opened read-only.
     """
     owner: Any = array
     while isinstance(owner, np.ndarray) and not owner.flags.writeable:
         owner = owner.base
     is_mapped = isinstance(owner, mmap) and memoryview(owner).readonly
-    if is_mapped or isinstance(owner, bytes):
+    if owner is None or is_mapped or isinstance(owner, bytes):
         return array
     return np.frombuffer(array.tobytes(), array.dtype).reshape(array.shape)

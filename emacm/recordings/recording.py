@@ -53,9 +53,9 @@ class Recording:
     """One measured run: channels over time and the shaft's angle or velocity.
 
     All channels and the shaft reference start at one instant; each may have its
-    own sampling rate. A recording is immutable: arrays are copied, except read-only
-    memory maps (``np.load(file, mmap_mode="r")``), which are kept as they are, so
-    that a recording can be larger than memory.
+    own sampling rate. A recording is immutable: arrays are copied, except those that are
+    read-only (after ``x.setflags(write=False)``, which must stay so), and read-only memory maps
+    (``np.load(file, mmap_mode="r")``), so that a recording can be larger than memory.
 
     Parameters
     ----------

@@ -149,6 +149,13 @@ def test_a_writeable_file_is_copied(tmp_path):
     assert not np.shares_memory(recording.signals["a"], mapped)
 
 
+def test_a_read_only_array_is_kept_without_a_copy():
+    signal = np.sin(TIMES)
+    signal.setflags(write=False)
+    recording = Recording({"a": signal, "b": signal[::-1]}, 100, velocity=np.ones(200))
+    assert all(np.shares_memory(recording.signals[name], signal) for name in "ab")
+
+
 def test_a_buffer_that_is_refilled_changes_no_recording():
     buffer = np.arange(50.0)
     given = sliding_window_view(buffer, 20)[3]  # read-only
