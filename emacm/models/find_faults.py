@@ -2,89 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache, partial
-from itertools import product
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
-from sklearn.base import clone
 
 from emacm._checks import check_count, check_number, located
 from emacm.conditions.healthy import are_recordings, check_rates, common_rates
 from emacm.machine.fault_lines import SETTINGS as LINES
-from emacm.machine.fault_lines import FaultLines, LineLevels
-from emacm.machine.fault_orders import FaultSeries, fault_series
+from emacm.machine.fault_orders import fault_series
 from emacm.machine.parts import Part
-from emacm.models.recipes import bearing_recipe, highest_order, longest_stroke
-from emacm.orders.columns import column_names, parse_order_columns
-from emacm.recordings.inputs import as_recordings, check_channel_names, described
-from emacm.recordings.recording import Recording
-from emacm.resampling.quality import CHANNEL_CHECKS, check_channel
+from emacm.models.fault_spectra import SETTINGS, Fault, Measured, Spectrum, measured_spectra
+from emacm.recordings.inputs import check_channel_names
 
-
-@dataclass(frozen=True)
-class NamingSettings:
-    """When a fault is named or suspected.
-
-    Chosen by ``python benchmarks/bearings.py`` on the drive end of CWRU and on MFPT, and, for
-    several faults, on simulated bearings; `further` and `narrow` also after a look at UESTC. That
-    `named` and `depth` also hold for a further fault follows two false balls of the drive end.
-
-    Attributes
-    ----------
-    suspected : float
-        Score from which on a fault is suspected; with healthy recordings, the distance from their
-        highest score from which on it is named [dB].
-    named : float
-        Score from which on a fault is named without healthy recordings [dB].
-    depth : float
-        Depth of modulation from which on it is named without healthy recordings: amplitude of the
-        lines over the mean of the envelope.
-    single_line : float
-        Height by which the highest line of a fault may exceed the second one [dB].
-    further : float
-        Height of two lines from which on a further fault is named, if those before it do not
-        explain them [dB].
-    weaker : float
-        Largest difference of its mean height to that of the first one [dB].
-    sidebands : float
-        Height from which on a fault has sidebands [dB].
-    speed_error : float
-        Largest deviation of a speed or a geometry that is looked for, as a fraction.
-    longest, shortest : int
-        Length of a segment, and of the longest stroke of a recording at least [revolutions].
-    fine : tuple of int
-        Lengths of segments in which the lines of several faults are told apart [revolutions]: the
-        first separates more lines; in the second those that slip has widened are higher.
-    narrow : float
-        Spectral lines on either side that are background, if they are within half an order:
-        strong lines are widened by random slip, and their skirts are no lines of other faults.
-    comb : float
-        Height of the lines between those of a fault, in parts of theirs, from which on all are
-        those of another source, as of a belt: below it are the damaged rings of the drive end and
-        of UESTC, with at most 0.89, above it 33 simulated machines, with at least 0.93.
-    """
-
-    suspected: float = 3.0
-    named: float = 6.0
-    depth: float = 0.04
-    single_line: float = 12.0
-    further: float = 9.0
-    weaker: float = 15.0
-    sidebands: float = 3.0
-    speed_error: float = 0.1
-    longest: int = 25
-    shortest: int = 10
-    fine: tuple[int, ...] = (100, 50)
-    narrow: float = 12.5
-    comb: float = 0.9
-
-
-SETTINGS = NamingSettings()
 NONE, NOT_ASSESSED = "none", "not assessed"
 
 
@@ -190,10 +121,14 @@ def find_faults(
     Lines that coincide name nothing: the faults of bearings with orders near whole
     numbers are often told apart incompletely.
 
-    A channel that is constant, clipped or has drop-outs is not assessed. Nor is a recording in
-    which lines within 10 % of the predicted orders, but outside of `slip`, would be named, and are
-    higher by 3 dB than those within (by 6 dB if these would be named): then the speed, the rate or
-    the geometry is wrong, and the explanation states which speed would fit.
+    A channel that is constant or clipped, has drop-outs, or at most three values is not assessed.
+    Nor is a recording whose speed, sampling rate or geometry is wrong, and the explanation states
+    the speed that would fit: without `healthy`, if the first harmonics of the shaft are
+    not at 1, 2, ... but together shifted by more than `slip` and up to 10 %, where their mean
+    height is 10 dB and 6 dB more than without this shift (recordings only); or if lines within
+    10 % of the predicted orders, but outside of `slip`, would be named, and are higher by 3 dB than
+    those within (by 6 dB if these would be named). Another shaft of nearly the same speed, or
+    harmonics of the mains, may be taken for the shaft: raise `slip` then.
 
     Rolling elements are not synchronous with the shaft, so whole orders count as background for
     their lines (a loose part or a blade has lines there) unless a line is predicted there. The
@@ -237,7 +172,7 @@ def find_faults(
             check_rates(X, common_rates(healthy))
         highest = healthy_scores(healthy, parts, **options)
     rows = []
-    for measured in _measured(X, parts, series, **options):
+    for measured in measured_spectra(X, parts, series, **options):
         if highest is not None:
             check_channel_names(list(highest), [measured.channel], "healthy")
         limits = None if highest is None else highest[measured.channel]
@@ -262,167 +197,25 @@ def healthy_scores(
     series, highest = fault_series(parts, harmonics), dict[str, list[float]]()
     options: dict[str, Any] = {"harmonics": harmonics, "slip": slip, "channels": channels}
     with located("healthy"):
-        for measured in _measured(healthy, parts, series, **options):
+        for measured in measured_spectra(healthy, parts, series, **options):
             scores = [fault.score for fault in measured.spectrum.faults()]
             before = highest.get(measured.channel, [0.0] * len(scores))
             highest[measured.channel] = list(map(max, scores, before))
     return highest
 
 
-class _Fault(NamedTuple):
-    """A fault in one spectrum: its score [dB], its slip, and heights of lines [dB]."""
-
-    series: FaultSeries
-    score: float
-    p: float
-    slip: float
-    heights: list[float]
-    depth: float
-    sidebands: dict[str, float]
-    first: float
-
-    @property
-    def is_single(self) -> bool:
-        """Whether a fault of rolling elements has one line only, as a modulation has.
-
-        Impacts have harmonics of similar height, or sidebands.
-        """
-        *_, second, highest = [-np.inf, *sorted(self.heights)]
-        several = self.series.slips and len(self.heights) > 1
-        return several and highest - second > SETTINGS.single_line and not self.sides
-
-    @property
-    def sides(self) -> list[str]:
-        """Names of the modulations whose sidebands are above the background."""
-        return [name for name, level in self.sidebands.items() if level >= SETTINGS.sidebands]
-
-    def modulated(self, faults: Sequence[_Fault]) -> list[_Fault]:
-        """Return the faults that are modulated at the order of this one."""
-        order = self.series.orders[0]
-        return [f for f in faults if any(np.isclose(order, o) for _, o in f.series.sidebands)]
-
-
-class _Spectrum(NamedTuple):
-    """The envelope spectrum of one recording and channel, with the lines to look for.
-
-    Attributes
-    ----------
-    lines : LineLevels
-        On the axis of the spectrum.
-    psd : ndarray of shape (1, n_orders)
-        Order spectrum.
-    mean : float
-        Mean of the envelope; NaN for a table.
-    """
-
-    lines: LineLevels
-    psd: NDArray[np.float64]
-    mean: float = np.nan
-
-    def faults(self, explained: NDArray[np.bool_] | None = None) -> list[_Fault]:
-        """Measure all faults, without the lines that are explained."""
-        levels, slips, heights = self.lines.measure(self.psd, explained)
-        scores, p = self.lines.compare(self.psd, levels)
-        own = [each[0][np.isfinite(each[0])].tolist() for each in heights]
-        at = list(zip(self.lines.series, slips[0], strict=True))
-        mean = self.mean or np.nan  # of a dead channel
-        depths = [self.lines.amplitude(self.psd, *each) / mean for each in at]
-        sides = [self.lines.sidebands(self.psd, *each) for each in at]
-        first = [each[0][0] for each in heights]
-        columns = self.lines.series, scores[0], p[0], slips[0], own, depths, sides, first
-        return list(map(_Fault, *columns))
-
-    def other_source(self, fault: _Fault) -> str:
-        """Return why the lines of a rolling element fault may have another source, or ""."""
-        turns = {1.0} | {order for series in self.lines.series for _, order in series.sidebands}
-        found = self.psd, fault.series, fault.slip, [*turns]
-        reach = 1 / SETTINGS.longest
-        if fault.series.slips and self.lines.height_between(*found, reach=reach) >= SETTINGS.comb:
-            return "; the lines between them are as high, as with impacts of another source"
-        return ""
-
-    def wide(self) -> _Spectrum | None:
-        """Return it with lines within the largest error of a speed, as far as it reaches."""
-        orders, widest = self.lines.orders, max(SETTINGS.speed_error, self.lines.slip)
-        top = orders[-2] / (1 + widest) - orders[1]
-        cut = [replace(s, orders=tuple(o for o in s.orders if o <= top)) for s in self.lines.series]
-        series = tuple(fault for fault in cut if len(fault.orders) > 1)
-        if not series:
-            return None
-        return self._replace(lines=_line_levels(tuple(orders.tolist()), series, widest))
-
-    def _modulations(self, fault: _Fault, turns: set[float]) -> list[float]:
-        """Return which orders modulate a fault: its own, and those whose sidebands stand out."""
-        asked = replace(fault.series, sidebands=tuple((str(turn), turn) for turn in turns))
-        heights = self.lines.sidebands(self.psd, asked, fault.slip)
-        own = {order for _, order in fault.series.sidebands}
-        stands_out = {t for t in turns if heights.get(str(t), 0.0) >= SETTINGS.sidebands}
-        # The shaft, and the cage, which slips as well.
-        return [turn * slowed for turn in own | stands_out for slowed in (1.0, 1 + fault.slip)]
-
-    def further(self, named: Sequence[str], rate: float, finest: LineLevels) -> _Fault | None:
-        """Return the strongest fault that has lines which those named do not explain."""
-        faults = self.faults()
-        known = [fault for fault in faults if fault.series.name in named]
-        least = max(np.mean(fault.heights) for fault in known) - SETTINGS.weaker
-        turns = {order for fault in faults for _, order in fault.series.sidebands} | {1.0}
-        explained = [
-            self.lines.explained(fault.series, fault.slip, self._modulations(fault, turns))
-            for fault in known
-        ]
-        rest = [
-            fault
-            for fault in self.faults(np.logical_or.reduce(explained))
-            if fault.series.name not in named
-            and self.lines.separates(fault.series) == finest.separates(fault.series)  # from shaft
-            and not fault.modulated(faults)
-            and fault.p <= rate / len(faults)
-            and fault.score >= SETTINGS.named
-            and not fault.depth < SETTINGS.depth  # it is NaN in a table
-            and sorted(fault.heights)[-2:][0] >= SETTINGS.further
-            and not fault.first < SETTINGS.further  # it is NaN where it is explained
-            and np.mean(fault.heights) >= least
-            and not fault.is_single
-            and not self.other_source(fault)
-        ]
-        return max(rest, key=lambda fault: fault.score, default=None)
-
-
-class _Measured(NamedTuple):
-    """What is measured of one recording and channel.
-
-    Attributes
-    ----------
-    number, channel : int, str
-        Row or recording, and channel.
-    spectrum, fine : _Spectrum, and sequence of _Spectrum
-        Of segments for the average, and of longer ones.
-    rpm : float
-        Speed [1/min]; NaN for a table.
-    defect : str
-        Why nothing can be found in it, or "".
-    """
-
-    number: int
-    channel: str
-    spectrum: _Spectrum
-    fine: Sequence[_Spectrum]
-    rpm: float = np.nan
-    defect: str = ""
-
-
 class _Finding(NamedTuple):
     """What is named and suspected in a spectrum, with the scores of all faults, and why."""
 
-    faults: list[_Fault]
+    faults: list[Fault]
     named: str
     suspected: str
-    best: _Fault
+    best: Fault
     text: str
 
     @classmethod
     def of(
-        cls, measured: _Measured, healthy: Sequence[float] | None, false_alarm: float
+        cls, measured: Measured, healthy: Sequence[float] | None, false_alarm: float
     ) -> _Finding:
         """Decide on what is measured."""
         faults, fine = measured.spectrum.faults(), measured.fine
@@ -435,14 +228,20 @@ class _Finding(NamedTuple):
         reason = _reason(best, faults, healthy, false_alarm)
         margin = SETTINGS.suspected if reason else SETTINGS.named
         error = None if healthy else _speed_error(measured.spectrum.wide(), faults, false_alarm)
+        if not healthy and abs(measured.shaft - 1) > measured.spectrum.lines.slip + 1e-9:
+            lines = f"harmonics of the shaft are at {measured.shaft:.3f} and multiples of it"
+            text = f"not assessed: {lines}{_correction(measured.rpm, measured.shaft)}"
+            suspected = NONE if error is None else error.series.name
+            return cls(faults, NOT_ASSESSED, suspected, error or best, text)
         is_higher = error is not None and error.score >= best.score + margin
         if error is not None and is_higher and not fine[0].other_source(error):
             text = f"not assessed: {_speed_text(measured.rpm, error)}"
             return cls(faults, NOT_ASSESSED, error.series.name, error, text)
         reason = reason or ("" if healthy else fine[0].other_source(best))
         if not reason:
-            names, text, finest = [best.series.name], _sentence(best, faults), fine[0].lines
-            while found := [f for s in fine if (f := s.further(names, false_alarm, finest))]:
+            names, text = [best.series.name], _sentence(best, faults)
+            beside = false_alarm, fine[0].lines, measured.shaft
+            while found := [f for s in fine if (f := s.further(names, *beside))]:
                 names.append(found[0].series.name)
                 text += f"; {_sentence(found[0], faults)}"
             return cls(faults, " + ".join(names), NONE, best, text)
@@ -465,14 +264,14 @@ class _Finding(NamedTuple):
         }
 
 
-def _unlikely(fault: _Fault, faults: Sequence[_Fault], false_alarm: float) -> bool:
+def _unlikely(fault: Fault, faults: Sequence[Fault], false_alarm: float) -> bool:
     """Tell whether a fault is not even suspected."""
     likely = fault.score >= SETTINGS.suspected and fault.p <= false_alarm / len(faults)
     return not likely or fault.is_single
 
 
 def _reason(
-    fault: _Fault, faults: Sequence[_Fault], healthy: Sequence[float] | None, false_alarm: float
+    fault: Fault, faults: Sequence[Fault], healthy: Sequence[float] | None, false_alarm: float
 ) -> str:
     """Return why a fault is not named, or ""."""
     limit = SETTINGS.named
@@ -494,8 +293,8 @@ def _reason(
 
 
 def _speed_error(
-    wide: _Spectrum | None, faults: Sequence[_Fault], false_alarm: float
-) -> _Fault | None:
+    wide: Spectrum | None, faults: Sequence[Fault], false_alarm: float
+) -> Fault | None:
     """Return the strongest fault that would be named with another speed."""
     found = [
         fault
@@ -507,7 +306,7 @@ def _speed_error(
     return max(found, key=lambda fault: fault.score, default=None)
 
 
-def _speed_text(rpm: float, fault: _Fault) -> str:
+def _speed_text(rpm: float, fault: Fault) -> str:
     """State the speed or geometry that fits the lines of a fault."""
     order = fault.series.orders[0]
     side = "above" if fault.slip > 0 else "below"
@@ -515,81 +314,18 @@ def _speed_text(rpm: float, fault: _Fault) -> str:
         f"lines at {order * (1 + fault.slip):.3f} and multiples of it are like those of "
         f"{fault.series.name}, but {100 * abs(fault.slip):.1f} % {side} {order:.3f}"
     )
-    rpm = rpm * (1 + fault.slip)
+    return text + _correction(rpm, 1 + fault.slip)
+
+
+def _correction(rpm: float, factor: float) -> str:
+    """Ask for the speed that is higher by a factor; of a table it is not known."""
     if np.isnan(rpm):
-        return f"{text}. Correct the speed or the geometry, or raise slip."
+        return ". Correct the speed or the geometry, or raise slip."
     remedy = "Otherwise correct the geometry, or raise slip."
-    return f"{text}: is the speed {rpm:.0f} rpm, or the sampling rate wrong? {remedy}"
+    return f": is the speed {rpm * factor:.0f} rpm, or the sampling rate wrong? {remedy}"
 
 
-def _measured(
-    X: Any, parts: Any, series: tuple[FaultSeries, ...], **options: Any
-) -> Iterator[_Measured]:
-    """Measure each recording and channel of recordings or of a table."""
-    slip, channels = options["slip"], options["channels"]
-    if column_names(X) is not None:
-        for number, channel, spectrum in _of_table(X, series, slip, channels):
-            yield _Measured(number, channel, spectrum, [spectrum])
-        return
-    top = highest_order(parts, options["harmonics"], slip)
-    for index, recording in enumerate(as_recordings(X, "find_faults")):
-        with located(partial(described, recording, index)):
-            longest = longest_stroke(recording, top, channels, shortest=SETTINGS.shortest)
-            revolutions = min(SETTINGS.longest, longest)
-            recipe = bearing_recipe(parts, revolutions=revolutions, **options)
-            envelope = recipe[:2].fit_transform([recording])
-            over_angle = recipe[2].fit_transform(envelope)
-            lengths = (revolutions, *(min(length, longest) for length in SETTINGS.fine))
-            psds = (clone(recipe[3]).set_params(revolutions=length) for length in lengths)
-            tables = (psd.fit_transform(over_angle) for psd in psds)
-            paths, signals = recording.paths(), envelope[0].signals
-            speed = sum(path.length for path in paths) / sum(path.n_times for path in paths)
-            rpm = speed * recording.shaft_fs * 30 / np.pi
-            spectra = (_of_table(table, series, slip, channels) for table in tables)
-            for found in zip(*spectra, strict=True):
-                channel = found[0][1]
-                mean = float(np.mean(signals[channel]))
-                spectrum, *fine = (each._replace(mean=mean) for *_, each in found)
-                yield _Measured(index, channel, spectrum, fine, rpm, _defect(recording, channel))
-
-
-def _defect(recording: Recording, channel: str) -> str:
-    """Return why a channel carries no answer, or "". A vibration is no switch."""
-    last = len(recording.velocity)
-    starts = [round(path.start_time * recording.shaft_fs) for path in recording.paths()]
-    spans = zip(starts, recording.paths(), strict=True)
-    turning = [(start / last, (start + path.n_times) / last) for start, path in spans]
-    settings = replace(CHANNEL_CHECKS, digital=1.0)
-    return check_channel(recording.series[channel], channel, turning, settings=settings).text
-
-
-def _of_table(
-    table: Any, series: tuple[FaultSeries, ...], slip: float, channels: Any
-) -> Iterator[tuple[int, str, _Spectrum]]:
-    """Return the spectrum of each row and channel of a table."""
-    # FaultLines checks the table: its axis, its values, its channels.
-    lowest = {fault.name: fault.orders[0] for fault in series}
-    checked = FaultLines(lowest, harmonics=1, channels=channels).fit(table)
-    blocks = parse_order_columns(column_names(table) or ()) or ()
-    block_of = {block.channel: block for block in blocks}
-    rows = np.asarray(table, np.float64)
-    for number, channel in product(range(len(rows)), checked.channels_):
-        block = block_of[channel]
-        psd = rows[number : number + 1, block.columns]
-        lines = _line_levels(tuple(block.orders.tolist()), series, slip)
-        yield number, channel, _Spectrum(lines, psd)
-
-
-@lru_cache(maxsize=32)
-def _line_levels(
-    orders: tuple[float, ...], series: tuple[FaultSeries, ...], slip: float
-) -> LineLevels:
-    """Return the measurement for an order axis, with the backgrounds it has simulated."""
-    background = min(LINES.background, SETTINGS.narrow * (orders[1] - orders[0]))
-    return LineLevels(np.array(orders), series, slip, background, without_shaft=True)
-
-
-def _sentence(fault: _Fault, faults: Sequence[_Fault]) -> str:
+def _sentence(fault: Fault, faults: Sequence[Fault]) -> str:
     """Describe the lines of a fault."""
     name, (*others, last) = fault.series.name, [f"{height:z.0f}" for height in fault.heights]
     lines = f"{name} and its harmonics are {', '.join(others)} and" if others else f"{name} is"

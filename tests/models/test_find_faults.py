@@ -86,6 +86,7 @@ def test_two_faults_are_named_together(pair, strengths):
         (lambda x: 0 * x, "is constant"),
         (lambda x: np.where(np.arange(len(x)) < len(x) / 4, x, 0.0), "drop-outs"),
         (lambda x: np.clip(x, -20, 20), "is clipped"),
+        (lambda x: np.sign(x) * (np.abs(x) > 20), "at most 3 values"),
     ],
 )
 def test_a_channel_without_an_answer_is_not_assessed(change, reason):
@@ -106,6 +107,20 @@ def test_a_wrong_speed_is_noticed_and_the_right_one_is_stated(error):
     assert (found["named"], found["suspected"]) == ("not assessed", "BPFO")
     stated = float(re.search(r"is the speed (\d+) rpm", found["explanation"])[1])
     assert stated == pytest.approx(1800, rel=0.015)  # 0.7 % of slip
+
+
+@pytest.mark.parametrize("factor", [0.96, 1.04])
+def test_a_healthy_machine_at_a_wrong_speed_is_not_assessed(factor):
+    rng, t = np.random.default_rng(0), np.arange(5 * FS) / FS
+    velocity = TURN * (29 + 2 * np.sin(0.7 * t))
+    angle = np.cumsum(velocity) / FS
+    signal = rng.standard_normal(len(t)) + sum(0.3 * np.sin(k * angle) for k in range(1, 7))
+    runs = [Recording({"casing": signal}, FS, velocity=f * velocity) for f in (1.0, factor)]
+    right, wrong = find_faults(runs, BEARING).itertuples()
+    assert (right.named, right.suspected) == ("none", "none")
+    assert (wrong.named, wrong.suspected) == ("not assessed", "none")
+    stated = float(re.search(r"harmonics of .* is the speed (\d+) rpm", wrong.explanation)[1])
+    assert stated == pytest.approx(60 * velocity.mean() / TURN, rel=0.003)
 
 
 def test_the_sentence_tells_the_sidebands_of_the_shaft():
