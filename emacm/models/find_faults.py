@@ -228,15 +228,13 @@ class _Finding(NamedTuple):
         reason = _reason(best, faults, healthy, false_alarm)
         margin = SETTINGS.suspected if reason else SETTINGS.named
         error = None if healthy else _speed_error(measured.spectrum.wide(), faults, false_alarm)
-        if not healthy and abs(measured.shaft - 1) > measured.spectrum.lines.slip + 1e-9:
-            lines = f"harmonics of the shaft are at {measured.shaft:.3f} and multiples of it"
-            text = f"not assessed: {lines}{_correction(measured.rpm, measured.shaft)}"
+        is_higher = error is not None and error.score >= best.score + margin
+        is_error = error and is_higher and not fine[0].other_source(error)
+        is_shifted = not healthy and abs(measured.shaft - 1) > measured.spectrum.lines.slip + 1e-9
+        if is_shifted or is_error:
+            text = f"not assessed: {_speed_text(measured, None if is_shifted else error)}"
             suspected = NONE if error is None else error.series.name
             return cls(faults, NOT_ASSESSED, suspected, error or best, text)
-        is_higher = error is not None and error.score >= best.score + margin
-        if error is not None and is_higher and not fine[0].other_source(error):
-            text = f"not assessed: {_speed_text(measured.rpm, error)}"
-            return cls(faults, NOT_ASSESSED, error.series.name, error, text)
         reason = reason or ("" if healthy else fine[0].other_source(best))
         if not reason:
             names, text = [best.series.name], _sentence(best, faults)
@@ -306,23 +304,20 @@ def _speed_error(
     return max(found, key=lambda fault: fault.score, default=None)
 
 
-def _speed_text(rpm: float, fault: Fault) -> str:
-    """State the speed or geometry that fits the lines of a fault."""
-    order = fault.series.orders[0]
-    side = "above" if fault.slip > 0 else "below"
-    text = (
-        f"lines at {order * (1 + fault.slip):.3f} and multiples of it are like those of "
-        f"{fault.series.name}, but {100 * abs(fault.slip):.1f} % {side} {order:.3f}"
-    )
-    return text + _correction(rpm, 1 + fault.slip)
-
-
-def _correction(rpm: float, factor: float) -> str:
-    """Ask for the speed that is higher by a factor; of a table it is not known."""
-    if np.isnan(rpm):
-        return ". Correct the speed or the geometry, or raise slip."
-    remedy = "Otherwise correct the geometry, or raise slip."
-    return f": is the speed {rpm * factor:.0f} rpm, or the sampling rate wrong? {remedy}"
+def _speed_text(measured: Measured, fault: Fault | None) -> str:
+    """State the speed or geometry that fits the lines of a fault, or else those of the shaft."""
+    factor = measured.shaft if fault is None else 1 + fault.slip
+    text = f"harmonics of the shaft are at {factor:.3f} and multiples of it"
+    if fault is not None:
+        order, side = fault.series.orders[0], "above" if fault.slip > 0 else "below"
+        text = (
+            f"lines at {order * factor:.3f} and multiples of it are like those of "
+            f"{fault.series.name}, but {100 * abs(fault.slip):.1f} % {side} {order:.3f}"
+        )
+    if np.isnan(measured.rpm):
+        return f"{text}. Correct the speed or the geometry, or raise slip."
+    question = f"is the speed {measured.rpm * factor:.0f} rpm, or the sampling rate wrong?"
+    return f"{text}: {question} Otherwise correct the geometry, or raise slip."
 
 
 def _sentence(fault: Fault, faults: Sequence[Fault]) -> str:
