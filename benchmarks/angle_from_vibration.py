@@ -77,7 +77,7 @@ def recorded(folder: Path) -> dict[str, list[Case]]:
     cases: dict[str, list[Case]] = {}
     for name, end in (("CWRU drive end, chosen", "DE12"), ("CWRU fan end", "FE")):
         cases[name] = []
-        for run in read_cwru(folder, end, quick=False):
+        for run in read_cwru(folder, end):
             x, stated = run.signals[CHANNEL].astype(float), run.meta["rpm"] / 60
             true = comb_speed(x, 12_000.0, stated, limits=(0.98, 1.02), n_orders=12)
             cases[name].append((x, 12_000.0, stated, (true, stated), BEARINGS[end]))
