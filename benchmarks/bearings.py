@@ -390,16 +390,12 @@ def sets_of_faults(every: int) -> list[dict[str, Any]]:
 
 def run_times(every: int) -> list[dict[str, Any]]:
     """Return the CPU times of envelopes, for sampling rates and lengths of users."""
-    rows = []
-    for dtype in (np.float64, np.float32):
-        for fs in (12_000.0, 25_600.0, 48_000.0, 97_656.0):
-            for seconds in (0.1, 1, 3, 10, 60)[::every]:
-                noise = np.random.default_rng(0).standard_normal(int(fs * seconds))
-                run = Recording({CHANNEL: noise.astype(dtype)}, fs, velocity=150.0)
-                rows.append(
-                    {"type": np.dtype(dtype).name, "fs [Hz]": fs, "length [s]": seconds}
-                    | envelope_times(run)
-                )
+    rows, rates = [], (12_000.0, 25_600.0, 48_000.0, 97_656.0)
+    cases = itertools.product(("float64", "float32"), rates, (0.1, 1, 3, 10, 60))
+    for dtype, fs, seconds in [*cases][::every]:
+        noise = np.random.default_rng(0).standard_normal(int(fs * seconds))
+        run = Recording({CHANNEL: noise.astype(dtype)}, fs, velocity=150.0)
+        rows.append({"type": dtype, "fs [Hz]": fs, "length [s]": seconds} | envelope_times(run))
     return rows
 
 

@@ -29,7 +29,7 @@ def medians(
     clock: Callable = time.perf_counter,
     warm_up: bool = True,
 ) -> dict[str, float]:
-    """Return the median seconds of each variant, measured in turns after one to warm up, or none."""
+    """Return the median seconds of each variant, in turns, by default after one to warm up."""
     spent: dict[str, list[float]] = {name: [] for name in variants}
     for turn in range(repeats + warm_up):
         for name, run in variants.items():

@@ -76,12 +76,13 @@ def main() -> None:
     quick = parser.parse_args().quick
     print(header())
     parts = {"quick": range(1)} if quick else {"chosen": range(6), "check": range(6, 16)}
+    n_units, severities = (3, SEVERITIES[:1]) if quick else (10, SEVERITIES)
     rows = []
     with threadpool_limits(1), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        for severity in SEVERITIES:
+        for severity in severities:
             for part, seeds in parts.items():
-                found = [outcomes(severity, seed, 3 if quick else 10) for seed in seeds]
+                found = [outcomes(severity, seed, n_units) for seed in seeds]
                 for faults, shares in zip(("one", "two"), np.mean(found, axis=0), strict=True):
                     row = {"severity": "{} to {}".format(*severity), "seeds": part}
                     names = "unknown", "stated", "silent"
