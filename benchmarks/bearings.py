@@ -81,23 +81,25 @@ from emacm import (
 
 BEARINGS = {"DE12": Bearing(9, 7.94, 39.04), "FE": Bearing(8, 6.746, 28.499)}  # 6205, 6203
 MFPT = Bearing(8, 0.235, 1.245)
+SIMULATED = {"6205": BEARINGS["DE12"], "6203": BEARINGS["FE"], "MFPT": MFPT}
 UESTC = Bearing(8, 7.938, 33.5)  # UC204, from its lines
 FAULTS = {"B": "BSF", "IR": "BPFI", "OR": "BPFO"}
 RINGS = ("BPFI", "BPFO")
 SIZES = (7, 14, 21)
+SPEEDS = ("1797", "1772", "1750", "1730")
 OTHERS = ("0.37", "0.5", "2.5", "1")  # impacts per revolution, as of a belt or a loose part
 RATE = 12_000
 CHANNEL = "casing"
 Runs = list[Recording]
 
 
-def read_cwru(folder: Path, end: str, *, quick: bool) -> Runs:
-    """Return the recordings of one end, each with its fault and size."""
+def read_cwru(folder: Path, end: str, every: int = 1) -> Runs:
+    """Return the recordings of one end at every n-th speed, each with its fault and size."""
     runs = []
     with np.load(folder / "cwru_faults_12k.npz") as stored:
         for key in stored.files:
             rpm, kind, size, place = key.split("_")
-            if place != end or (quick and rpm != "1797"):
+            if place != end or rpm not in SPEEDS[::every]:
                 continue
             meta = {"fault": FAULTS[kind.partition("@")[0]], "size": int(size)}
             meta |= {"place": kind, "rpm": int(rpm)}
@@ -176,7 +178,7 @@ def of_samples(runs: Runs, bearing: Bearing) -> NDArray[np.floating]:
     return np.array([run.signals[CHANNEL][None, :RATE] for run in runs], np.float64)
 
 
-def methods() -> dict[str, tuple[Callable[..., Any], Any]]:
+def methods(n_trees: int) -> dict[str, tuple[Callable[..., Any], Any]]:
     """Return features and classifier of each method."""
     discriminant = LinearDiscriminantAnalysis(solver="lsqr", shrinkage="auto")
     uniform = CostSensitiveGaussianBayes(covariance="tied", priors="uniform", shrinkage="auto")
@@ -185,7 +187,7 @@ def methods() -> dict[str, tuple[Callable[..., Any], Any]]:
         "kurtogram, SciPy": (of_kurtogram, uniform),
         "statistics, random forest": (
             of_statistics,
-            RandomForestClassifier(500, class_weight="balanced", random_state=0),
+            RandomForestClassifier(n_trees, class_weight="balanced", random_state=0),
         ),
         "Welch, LDA": (of_welch, discriminant),
     }
@@ -208,13 +210,13 @@ def left_out_sizes(X: NDArray[Any], y: NDArray[Any], sizes: NDArray[Any], classi
     return float(balanced_accuracy_score(y, predicted.astype(str)))
 
 
-def accuracy(drive: Runs, fan: Runs) -> list[dict[str, Any]]:
+def accuracy(drive: Runs, fan: Runs, n_trees: int) -> list[dict[str, Any]]:
     """Return the rows of the methods that are trained."""
     kept = [run for run in drive if run.meta["size"] in SIZES]
     sizes = np.array([run.meta["size"] for run in kept])
     y, of_fan = faults_of(kept), faults_of(fan)
     rows = []
-    for name, (features, classifier) in methods().items():
+    for name, (features, classifier) in methods(n_trees).items():
         row: dict[str, Any] = {"method": name}
         rows.append(row)
         if classifier is None:
@@ -227,12 +229,12 @@ def accuracy(drive: Runs, fan: Runs) -> list[dict[str, Any]]:
     return rows
 
 
-def read_uestc(folder: Path) -> tuple[Runs, Runs]:
+def read_uestc(folder: Path, every: int) -> tuple[Runs, Runs]:
     """Return the recordings of UESTC at their nominal speeds, and at those of their combs."""
     kinds = {"N": "none", "I": "BPFI", "O": "BPFO", "B": "BSF"}
     nominal, combed = [], []
     with np.load(folder / "uestc.npz") as stored:
-        for key in stored.files:
+        for key in stored.files[::every]:
             kind, rpm, _ = key.split("_")
             x, speed, meta = stored[key].ravel(), float(rpm) / 60, {"fault": kinds[kind]}
             for runs, rate in ((nominal, speed), (combed, comb_speed(x, 20_000.0, speed))):
@@ -362,21 +364,22 @@ def damaged(bearing: Bearing, sizes: dict[str, float], seed: int) -> Recording:
     return Recording({CHANNEL: x}, fs, velocity=2 * np.pi * rate)
 
 
-def sets_of_faults(n_repeats: int) -> list[dict[str, Any]]:
+def sets_of_faults(every: int) -> list[dict[str, Any]]:
     """Return the share of simulated bearings of which exactly the faults are named."""
     rows = []
-    for name, bearing in (("6205", BEARINGS["DE12"]), ("6203", BEARINGS["FE"]), ("MFPT", MFPT)):
+    for name, bearing in [*SIMULATED.items()][::every]:
         row: dict[str, Any] = {"bearing": name}
         for what, sizes in (("one", (1,)), ("two, equal", (1, 1)), ("two, one of half", (1, 0.5))):
             exact = []
-            for faults in itertools.permutations(FAULTS.values(), len(sizes)):
-                for seed in range(n_repeats):
-                    run = damaged(bearing, dict(zip(faults, sizes, strict=True)), seed)
-                    named = find_faults([run], bearing)["named"][0].split(" + ")
-                    exact.append(set(named) == set(faults))
+            sets = itertools.permutations(FAULTS.values(), len(sizes))
+            for faults, seed in [*itertools.product(sets, range(20))][::every]:
+                run = damaged(bearing, dict(zip(faults, sizes, strict=True)), seed)
+                named = find_faults([run], bearing)["named"][0].split(" + ")
+                exact.append(set(named) == set(faults))
             row[what] = float(np.mean(exact))
-        others = [damaged(bearing, {order: 1}, s) for order in OTHERS for s in range(n_repeats)]
-        named = find_faults(others, bearing)["named"]
+        others = [*itertools.product(OTHERS, range(20))][::every]
+        runs = [damaged(bearing, {order: 1}, seed) for order, seed in others]
+        named = find_faults(runs, bearing)["named"]
         row["other impacts: named"] = float((~named.isin(["none", "not assessed"])).mean())
         rows.append(row)
     return rows
@@ -385,18 +388,14 @@ def sets_of_faults(n_repeats: int) -> list[dict[str, Any]]:
 # Run times
 
 
-def run_times(*, quick: bool) -> list[dict[str, Any]]:
+def run_times(every: int) -> list[dict[str, Any]]:
     """Return the CPU times of envelopes, for sampling rates and lengths of users."""
-    rows = []
-    for dtype in (np.float64, np.float32):
-        for fs in (12_000.0, 25_600.0, 48_000.0, 97_656.0):
-            for seconds in (0.1, 1) if quick else (0.1, 1, 3, 10, 60):
-                noise = np.random.default_rng(0).standard_normal(int(fs * seconds))
-                run = Recording({CHANNEL: noise.astype(dtype)}, fs, velocity=150.0)
-                rows.append(
-                    {"type": np.dtype(dtype).name, "fs [Hz]": fs, "length [s]": seconds}
-                    | envelope_times(run)
-                )
+    rows, rates = [], (12_000.0, 25_600.0, 48_000.0, 97_656.0)
+    cases = itertools.product(("float64", "float32"), rates, (0.1, 1, 3, 10, 60))
+    for dtype, fs, seconds in [*cases][::every]:
+        noise = np.random.default_rng(0).standard_normal(int(fs * seconds))
+        run = Recording({CHANNEL: noise.astype(dtype)}, fs, velocity=150.0)
+        rows.append({"type": dtype, "fs [Hz]": fs, "length [s]": seconds} | envelope_times(run))
     return rows
 
 
@@ -425,36 +424,37 @@ def main() -> None:
     """Print all tables."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     json_option(parser)
-    parser.add_argument("--quick", action="store_true", help="one of the four loads, short signals")
+    parser.add_argument("--quick", action="store_true", help="every 40th recording and draw")
     options = parser.parse_args()
+    every = 40 if options.quick else 1
     print(header())
     folder = Path(os.environ.get("EMACM_DATA", "")) / "bearings"
     if (folder / "cwru_faults_12k.npz").exists():
-        write_json(options, measured_accuracy(folder, quick=options.quick))
+        write_json(options, measured_accuracy(folder, every))
     else:
         print("no recordings of bearings: set EMACM_DATA to the folder that holds bearings/*.npz")
     print("\nsimulated bearings, share with the exact set of faults")
-    print(table(sets_of_faults(1 if options.quick else 20)))
+    print(table(sets_of_faults(every)))
     print("\nCPU times")
     with threadpool_limits(1):
-        print(table(run_times(quick=options.quick)))
+        print(table(run_times(every)))
 
 
-def measured_accuracy(folder: Path, *, quick: bool) -> list[dict[str, Any]]:
+def measured_accuracy(folder: Path, every: int) -> list[dict[str, Any]]:
     """Return the rows of the recordings below a folder, and print their tables."""
-    drive, fan = (read_cwru(folder, end, quick=quick) for end in BEARINGS)
+    drive, fan = (read_cwru(folder, end, every) for end in BEARINGS)
     with threadpool_limits(1), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of the other packages
         kept = [run for run in drive if run.meta["size"] in SIZES]
         rigs = {
-            "CWRU drive end": (kept, BEARINGS["DE12"]),
-            "CWRU fan end": (fan, BEARINGS["FE"]),
-            "MFPT": (read_mfpt(folder), MFPT),
+            "CWRU drive end": (kept[::every], BEARINGS["DE12"]),
+            "CWRU fan end": (fan[::every], BEARINGS["FE"]),
+            "MFPT": (read_mfpt(folder)[::every], MFPT),
         }
-        nominal, combed = read_uestc(folder)
+        nominal, combed = read_uestc(folder, every)
         rigs |= {"UESTC, nominal": (nominal, UESTC), "UESTC, comb": (combed, UESTC)}
-        named = named_by_rig({k: (runs[:: 4 if quick else 1], b) for k, (runs, b) in rigs.items()})
-        trained = accuracy(drive, fan)
+        named = named_by_rig(rigs)
+        trained = accuracy(drive, fan, 500 // every)
         print("\nbalanced accuracy, 3 classes (chance 0.33)")
         print(table(trained))
     return [*named, *trained]

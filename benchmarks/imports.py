@@ -33,11 +33,12 @@ def interpreter(code: str) -> Callable[[], str]:
 def main() -> None:
     """Measure, print the table and write it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="one repeat")
+    parser.add_argument("--quick", action="store_true", help="once")
     json_option(parser)
     options = parser.parse_args()
     repeats = 1 if options.quick else 15
-    spent = medians({code: interpreter(code) for code in STATEMENTS}, repeats)
+    starts = {code: interpreter(code) for code in STATEMENTS}
+    spent = medians(starts, repeats, warm_up=not options.quick)
     base = spent["import sklearn"]
     rows = [{"statement": c, "s": t, "beyond sklearn [s]": t - base} for c, t in spent.items()]
     print(header())

@@ -27,14 +27,15 @@ def medians(
     repeats: int,
     *,
     clock: Callable = time.perf_counter,
+    warm_up: bool = True,
 ) -> dict[str, float]:
-    """Return the median seconds of each variant, measured in turns after one to warm up."""
+    """Return the median seconds of each variant, in turns, by default after one to warm up."""
     spent: dict[str, list[float]] = {name: [] for name in variants}
-    for turn in range(repeats + 1):
+    for turn in range(repeats + warm_up):
         for name, run in variants.items():
             start = clock()
             run()
-            if turn:
+            if turn >= warm_up:
                 spent[name].append(clock() - start)
     return {name: statistics.median(values) for name, values in spent.items()}
 

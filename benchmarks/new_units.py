@@ -138,19 +138,19 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, help="file; default: the one below EMACM_DATA")
-    parser.add_argument("--quick", action="store_true", help="few fleets, small bench, one load")
+    parser.add_argument("--quick", action="store_true", help="one small fleet each, one load")
     options = parser.parse_args()
     print(header())
     folder = os.environ.get("EMACM_DATA")
     files = sorted(Path(folder).glob("cranfield_ema/cranfield*.npz")) if folder else []
     file = options.data or (files[0] if files else None)
-    n_fleets = 3 if options.quick else 40
+    small, full = (1, (1, 3, 3), SEVERITIES[:1]), (40, (1, 17, 48), SEVERITIES)
+    n_fleets, sizes, severities = small if options.quick else full
     with threadpool_limits(1), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # sequences that are in the file twice
         found = rows("Gaussian, one state each", gaussian_fleets(n_fleets, crossed=False))
         found += rows("Gaussian, all states", gaussian_fleets(n_fleets, crossed=True))
-        sizes = (1, 5, 6) if options.quick else (1, 17, 48)
-        for severity in SEVERITIES:
+        for severity in severities:
             name = f"bench, severity {severity[0]} to {severity[1]}"
             found += rows(name, bench_fleets(*sizes, severity))
         if file:

@@ -92,7 +92,7 @@ def measured(folder: Path, paths: list[str], kernels: str) -> tuple[float, float
     return float(printed[-2]), float(printed[-1])
 
 
-def ratios(folder: Path, n_recordings: int = 64, repeats: int = 7) -> dict[str, float]:
+def ratios(folder: Path, n_recordings: int, repeats: int) -> dict[str, float]:
     """Print the processor's time of `score`, `predict` and reading, and return its ratios."""
     model = load_model(folder / "model.emacm")
     layout = Layout.from_toml(folder / "layout.toml")
@@ -144,22 +144,23 @@ print(used.ru_utime + used.ru_stime, largest, file=sys.stderr)
 def main() -> None:
     """Print the CPU time for each file and the memory."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="60 files")
+    parser.add_argument("--quick", action="store_true", help="20 files, once, in NumPy")
     parser.add_argument("--files", type=int, default=10_000)
     json_option(parser)
     options = parser.parse_args()
-    n_files = 60 if options.quick else options.files
+    full = options.files, 7, ("numba", "numpy")
+    n_files, repeats, implementations = (20, 1, ("numpy",)) if options.quick else full
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "files").mkdir()
         write_files(folder / "files", n_files)
         write_model(folder)
-        found = ratios(folder)
+        found = ratios(folder, min(64, n_files), repeats)
         rows: list[dict[str, Any]] = [{"of": title, "ratio": r} for title, r in found.items()]
         for title, ratio in found.items():
             print(f"  {title:31} {ratio:5.2f}   wanted {WANTED[title]:g}")
         print(f"{n_files} files of 3 s at 12 kHz")
-        for kernels in ("numba", "numpy"):
+        for kernels in implementations:
             start, small = measured(folder, ["files/00000.npz"], kernels)
             total, memory = measured(folder, ["files"], kernels)
             n_rows = (folder / "table.csv").read_text().count("\n") - 1

@@ -187,7 +187,7 @@ def main() -> None:
     json_option(parser)
     options = parser.parse_args()
     grid = QUICK if options.quick else GRID
-    X, y = recordings(20, 12_000) if options.quick else recordings(40, 96_000)
+    X, y = recordings(10, 12_000) if options.quick else recordings(40, 96_000)
     rows = measured(X, y, grid)
     least = rows[0]["cpu s"] + rows[1]["cpu s"]  # the spectra, and the grid without them
     for row in rows:

@@ -59,9 +59,9 @@ def outcomes(severity: tuple[float, float], seed: int, n_units: int) -> list[np.
     """Return the shares unknown, stated and silent, of one fault and of two."""
     runs, states, units = simulate_fleet(n_units, 4, severity=severity, seed=seed)
     model = recipe().fit(runs, states, costsensitivegaussianbayes__groups=units)
-    single = simulate_fleet(10, 2, severity=severity, seed=seed, first_unit=500)[0]
+    single = simulate_fleet(n_units, 2, severity=severity, seed=seed, first_unit=500)[0]
     found = []
-    for recordings in (single, with_two_faults(30, severity, seed)):
+    for recordings in (single, with_two_faults(3 * n_units, severity, seed)):
         scored = emacm.score(model, recordings)
         unknown = scored["decision"] == "unknown"
         stated = scored["outside_training"].str.contains("does not explain") & ~unknown
@@ -72,16 +72,17 @@ def outcomes(severity: tuple[float, float], seed: int, n_units: int) -> list[np.
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="one fleet of six units")
+    parser.add_argument("--quick", action="store_true", help="one fleet of three units")
     quick = parser.parse_args().quick
     print(header())
     parts = {"quick": range(1)} if quick else {"chosen": range(6), "check": range(6, 16)}
+    n_units, severities = (3, SEVERITIES[:1]) if quick else (10, SEVERITIES)
     rows = []
     with threadpool_limits(1), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        for severity in SEVERITIES:
+        for severity in severities:
             for part, seeds in parts.items():
-                found = [outcomes(severity, seed, 6 if quick else 10) for seed in seeds]
+                found = [outcomes(severity, seed, n_units) for seed in seeds]
                 for faults, shares in zip(("one", "two"), np.mean(found, axis=0), strict=True):
                     row = {"severity": "{} to {}".format(*severity), "seeds": part}
                     names = "unknown", "stated", "silent"
