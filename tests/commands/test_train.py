@@ -30,7 +30,7 @@ def here(tmp_path, monkeypatch):
     Path("files").mkdir()
     for unit in range(5):
         for worn in (0, 1):
-            for run in range(3):
+            for run in range(2):
                 vib, speed = signals(worn, unit * 10 + run)
                 path = f"files/U{unit}_{('healthy', 'worn')[worn]}_{run}"
                 columns = {"vib": vib, "speed": speed, "time": np.arange(N) / FS}
@@ -51,18 +51,24 @@ def train(*options):
     return main(["train", *required, "--out", "model.emacm", *options])
 
 
+def keep_units(numbers):
+    for path in Path("files").iterdir():
+        if path.name[1] not in numbers:
+            path.unlink()
+
+
 def test_files_in_three_formats_become_a_table_of_decisions(here, capsys):
     assert main(["inspect", "files/U0_worn_1.npz"]) == 0
     assert train("--max-order", "10", "--note", "five units") == 0
     printed = capsys.readouterr().out
-    assert "30 recordings, 5 groups (unit)" in printed
+    assert "20 recordings, 5 groups (unit)" in printed
     assert re.search("false alarm rate .*missed detection rate", printed)
     assert describe_model("model.emacm")["note"] == "five units"
     arguments = ["score", "model.emacm", "files", "--layout", "layout.toml", "--out", "table.csv"]
     assert main(arguments) == 0
     table = pd.read_csv("table.csv")
     states = table["recording"].str.contains("worn").map({True: "worn", False: "healthy"})
-    assert len(table) == 30
+    assert len(table) == 20
     assert (table["decision"] == states).mean() > 0.9
     assert table["typicality"].between(0, 1).all()
 
@@ -254,11 +260,13 @@ def test_files_without_orders_are_named_and_defects_are_stated(here, capsys):
     np.savez("files/U9_healthy_0.npz", vib=vib, speed=speed, time=np.arange(N) / FS)
     assert train("--max-order", "1e6") == 2
     assert re.search("has no content above order .*Lower --max-order", capsys.readouterr().err)
+    keep_units("0139")
     assert train("--max-order", "5") == 0
     assert "U9_healthy_0.npz: channel 'vib' has drop-outs" in capsys.readouterr().err
 
 
 def test_costs_and_priors_may_name_states_that_are_numbers(here):
+    keep_units("013")
     for path in Path("files").iterdir():
         path.rename(str(path).replace("healthy", "0").replace("worn", "1"))
     text = Path("layout.toml").read_text().replace("{state}", "{state:d}")
