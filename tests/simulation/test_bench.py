@@ -15,7 +15,7 @@ INNER = FAULT_ORDERS["inner ring"][0]
 
 
 @cache
-def record(condition=3, run=1, faults=None, *, duration=3.0, **constants):
+def record(condition=3, run=1, faults=None, *, duration=2.0, **constants):
     bench = LaboratoryBench(faults=dict(faults or ()), duration=duration, **constants)
     return bench.record(condition, run)
 
@@ -53,7 +53,7 @@ def test_a_recording_has_the_channels_of_the_thesis_at_48_khz_and_more_if_wanted
     plain, more = record(), record(phases="abc")
     assert plain.channels == ("lvdt", "velocity", "current_a", "accelerometer")
     assert set(plain.fs.values()) == {48_000}
-    assert (plain.reference, plain.duration) == ("angle", pytest.approx(3))
+    assert (plain.reference, plain.duration) == ("angle", pytest.approx(2))
     assert more.channels[2:5] == ("current_a", "current_b", "current_c")
     assert same(plain, more)
     assert np.abs(plain.signals["velocity"]).max() < PEAK_SPEED
@@ -85,12 +85,12 @@ def test_the_resolver_and_the_velocity_channel_show_the_same_motion():
 
 
 def test_the_rod_moves_a_lead_for_each_revolution():
-    recording = record(3)
+    recording = record()
     slope = np.polyfit(recording.angle, recording.signals["lvdt"][::10], 1)[0]
     assert slope == pytest.approx(0.1575 / (2 * np.pi), rel=0.02)
 
 
-@pytest.mark.parametrize("condition", [2, 3, 4, 5])
+@pytest.mark.parametrize("condition", [2, 3, 5])
 def test_the_current_has_its_fundamental_at_order_6(condition):
     orders, power = spectrum(record(condition), "current_a", revolutions=4)
     assert orders[power.argmax()] == pytest.approx(6, abs=0.13)
@@ -98,18 +98,18 @@ def test_the_current_has_its_fundamental_at_order_6(condition):
 
 @pytest.mark.parametrize("harmonic", [1, 2, 4, 6])
 def test_an_inner_ring_defect_strikes_at_harmonics_of_6_123(harmonic):
-    bad = record(3, faults=(("inner ring", 0.5),))
+    bad = record(faults=(("inner ring", 0.5),))
     assert contrast(bad, "accelerometer", harmonic * INNER) > 50
     # A healthy ring has a line of waviness at the first two harmonics.
     small = 20 if harmonic <= 2 else 2.5
-    assert contrast(record(3), "accelerometer", harmonic * INNER) < small
+    assert contrast(record(), "accelerometer", harmonic * INNER) < small
 
 
 @pytest.mark.parametrize("side", [-1, 1])
 def test_an_inner_ring_defect_has_sidebands_one_order_away(side):
-    bad = record(3, faults=(("inner ring", 0.5),))
+    bad = record(faults=(("inner ring", 0.5),))
     assert contrast(bad, "accelerometer", 6 * INNER + side) > 3
-    round_the_ring = record(3, faults=(("outer ring", 0.5),))
+    round_the_ring = record(faults=(("outer ring", 0.5),))
     line = 9 * FAULT_ORDERS["outer ring"][0]
     assert contrast(round_the_ring, "accelerometer", line) > 4
     assert contrast(round_the_ring, "accelerometer", line + side) < 2.5
@@ -162,7 +162,7 @@ def test_lash_shows_where_the_load_changes_its_sign_alone():
         np.abs(loose.signals["accelerometer"]).max()
         > 2 * np.abs(tight.signals["accelerometer"]).max()
     )
-    pressed, sound = record(3, faults=(("backlash", 1.0),)), record(3)
+    pressed, sound = record(faults=(("backlash", 1.0),)), record()
     away = pressed.signals["lvdt"] - sound.signals["lvdt"]  # to one side, by half of the lash
     assert np.ptp(away) < 2e-4
     assert np.array_equal(pressed.signals["accelerometer"], sound.signals["accelerometer"])
@@ -177,7 +177,7 @@ def test_a_jam_takes_current_at_its_place():
 
 
 def test_vibration_grows_with_severity():
-    sizes = [rms(record(4, faults=(("inner ring", s),))) for s in (0.0, 0.3, 0.6, 1.0)]
+    sizes = [rms(record())] + [rms(record(faults=(("inner ring", s),))) for s in (0.5, 1.0)]
     assert np.all(np.diff(sizes) > 0.005)
 
 
