@@ -1,5 +1,6 @@
 """Where the real recordings are, how examples are drawn, and figures without a screen."""
 
+import gc
 import os
 import sys
 from pathlib import Path
@@ -24,6 +25,14 @@ settings.register_profile(
     "explore", deadline=None, derandomize=False, print_blob=True, max_examples=50
 )
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
+
+gc.disable()  # until all tests are collected, which stay
+
+
+def pytest_collection_finish():
+    gc.enable()
+    gc.freeze()
+
 
 ROOT = Path(__file__).parents[1]
 collect_ignore = ["typed_example.py"]  # a program: it would run when examples are looked for
