@@ -13,7 +13,7 @@ from emacm.alarms.run_lengths import cusum_run_length, ewma_run_length
 from emacm.alarms.stationarity import trend_probability
 from emacm.monitoring import CUSUM, EWMA
 
-CHECKS = parametrize_with_checks([EWMA(), CUSUM()])
+CHECKS = parametrize_with_checks([EWMA(limit=3.0), CUSUM(limit=5.0)])
 
 
 @pytest.mark.filterwarnings("ignore:the baseline drifts")
