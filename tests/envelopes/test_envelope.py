@@ -170,7 +170,7 @@ def test_a_damaged_inner_ring_shows_in_the_envelope_and_not_in_the_plain_spectru
     order = FAULT_ORDERS["inner ring"][0]
     detector = EnvelopeDetector((1000, 3000), channels=["accelerometer"])
     sound, damaged = (
-        LaboratoryBench(faults=faults, duration=4.0).record(condition=5)
+        LaboratoryBench(faults=faults, duration=2.0).record(condition=5)
         for faults in ({}, {"inner ring": 0.5})
     )
     assert contrast(damaged, order) < 2 * contrast(sound, order)  # waviness of a healthy ring
