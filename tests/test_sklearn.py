@@ -9,11 +9,7 @@ from sklearn.calibration import CalibratedClassifierCV
 from sklearn.compose import ColumnTransformer, make_column_selector
 from sklearn.decomposition import PCA
 from sklearn.exceptions import NotFittedError
-from sklearn.model_selection import (
-    GridSearchCV,
-    GroupKFold,
-    cross_validate,
-)
+from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
 from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
@@ -295,12 +291,7 @@ def test_order_columns_are_chosen_by_name_beside_others(spectra):
 
 @pytest.mark.parametrize(
     "change",
-    [
-        lambda X: X[:, :20],
-        lambda X: X.astype(np.float32),
-        lambda X: X * 2,
-        np.asarray,
-    ],
+    [lambda X: X[:, :20], lambda X: X.astype(np.float32), lambda X: X * 2, np.asarray],
     ids=["columns", "float32", "scaled", "asarray"],
 )
 def test_spectra_that_lost_their_orders_are_refused_by_the_bins(spectra, change):

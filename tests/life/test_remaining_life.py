@@ -303,8 +303,7 @@ def test_what_is_outside_the_fit_is_stated():
 
 
 @pytest.mark.parametrize(
-    "asked",
-    [lambda fitted, X: fitted.predict(X), lambda fitted, X: fitted.decide(X, COSTS)],
+    "asked", [lambda fitted, X: fitted.predict(X), lambda fitted, X: fitted.decide(X, COSTS)]
 )
 def test_predictions_outside_the_fit_warn(asked):
     X, y, groups, _ = followed(range(12))

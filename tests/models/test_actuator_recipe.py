@@ -91,9 +91,9 @@ def test_without_phase_machines_that_are_put_together_anew_are_recognised():
     known, found = (
         {s: k + turn for k, s in zip((0, 2, 4), STATES, strict=True)} for turn in (0, 2)
     )
-    X = [actuator(s, 20, seed, wave=known[s]) for seed in range(8) for s in STATES]
+    X = [actuator(s, 20, seed, wave=known[s]) for seed in range(5) for s in STATES]
     y = [x.meta["state"] for x in X]
-    new = [actuator(s, 20, 100 + seed, wave=found[s]) for seed in range(4) for s in STATES]
+    new = [actuator(s, 20, 100 + seed, wave=found[s]) for seed in range(2) for s in STATES]
     truth = [x.meta["state"] for x in new]
     assert fitted(X, y, unknown_rate=None).predict(new).tolist() == truth
     # With phase each is taken for the one whose wave stood there in training.
@@ -149,14 +149,14 @@ def test_evaluate_passes_the_runs_and_counts_decisions_on_families():
 
 @new_lines
 def test_without_groups_single_recordings_are_left_out_with_a_warning():
-    X, y = campaign(8, loads=(20,))
+    X, y = campaign(5, loads=(20,))
     with pytest.warns(UserWarning, match="make the model over-confident"):
         model = recipe().fit(X, y)
     assert model.predict([another_machine(1)]).tolist() == ["unknown"]
 
 
 def test_it_goes_into_a_router_and_through_joblib(tmp_path):
-    X, y = campaign()
+    X, y = campaign(3)
     model = fitted(X, y, clone(ConditionRouter(recipe(), condition="load")))
     joblib.dump(model, tmp_path / "model.joblib")
     kept = joblib.load(tmp_path / "model.joblib")

@@ -4,17 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from bearing_models import (
-    BEARING,
-    COST,
-    LINES,
-    STATES,
-    bins_model,
-    fitted,
-    recording,
-    runs,
-    steps,
-)
+from bearing_models import BEARING, COST, LINES, STATES, bins_model, fitted, recording, runs, steps
 from sklearn.decomposition import PCA
 from sklearn.ensemble import RandomForestClassifier
 from sklearn.pipeline import make_pipeline
