@@ -157,14 +157,6 @@ def test_output_as_a_frame_changes_no_number_and_has_exact_names(fleet, fitted, 
     )
 
 
-def test_a_fitted_pipeline_from_a_file_decides_the_same(fleet, fitted, tmp_path):
-    X = fleet[0]
-    joblib.dump(fitted, tmp_path / "model.joblib")
-    again = joblib.load(tmp_path / "model.joblib")
-    np.testing.assert_array_equal(again.predict(X), fitted.predict(X))
-    np.testing.assert_array_equal(again.predict_proba(X), fitted.predict_proba(X))
-
-
 def test_the_pipeline_calibrates(fleet):
     X, y, _ = fleet
     probability = CalibratedClassifierCV(monitoring(), cv=2).fit(X, y).predict_proba(X[:3])

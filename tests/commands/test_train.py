@@ -1,6 +1,7 @@
 """From files to a table of decisions without writing Python: inspect, train, score."""
 
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -24,16 +25,16 @@ def signals(worn, unit):
     return rng.normal(size=N) + line, speed
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    """Write the files of four units in three formats, and stand beside them."""
-    monkeypatch.chdir(tmp_path)
-    Path("files").mkdir()
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Write the files of four units in three formats."""
+    folder = tmp_path_factory.mktemp("written")
+    (folder / "files").mkdir()
     for unit in range(4):
         for worn in (0, 1):
             for run in range(2):
                 vib, speed = signals(worn, unit * 10 + run)
-                path = f"files/U{unit}_{('healthy', 'worn')[worn]}_{run}"
+                path = folder / f"files/U{unit}_{('healthy', 'worn')[worn]}_{run}"
                 columns = {"vib": vib, "speed": speed, "time": np.arange(N) / FS}
                 if unit < 2:
                     np.savez(f"{path}.npz", **columns)
@@ -41,10 +42,16 @@ def here(tmp_path, monkeypatch):
                     scipy.io.savemat(f"{path}.mat", columns)
                 else:
                     pd.DataFrame(columns).to_csv(f"{path}.csv", index=False)
-    Path("layout.toml").write_text(
+    (folder / "layout.toml").write_text(
         'velocity = "speed"\nmeta = "{unit}_{state}_{run:d}"\n[units]\nspeed = "rad/s"\n'
     )
-    return tmp_path
+    return folder
+
+
+@pytest.fixture
+def here(written, tmp_path, monkeypatch):
+    """Stand in a copy of this folder."""
+    monkeypatch.chdir(shutil.copytree(written, tmp_path / "here"))
 
 
 def keep_three_units():
