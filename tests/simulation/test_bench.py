@@ -145,7 +145,8 @@ def test_a_defect_stands_in_the_current_at_6_plus_and_minus_its_order(m):
 def test_lack_of_grease_raises_the_sidebands_of_the_current():
     # Thesis, section 4.5; it is slow, so the velocity loop answers it.
     dry, sound = (
-        record(2, faults=faults, unit_spread=0.0) for faults in ((("lubrication", 1.0),), None)
+        record(2, faults=faults, unit_spread=0.0, duration=3.0)
+        for faults in ((("lubrication", 1.0),), None)
     )
     # At 1x it adds 0.15 N m to the 0.05 N m of alignment: 4 to 16 times the power, by the phase.
     # With 24 seeds the ratio is 11 (7.5 to 18). Half an order away it adds random friction to
