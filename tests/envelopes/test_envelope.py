@@ -7,17 +7,8 @@ from hypothesis import strategies as st
 from scipy import signal as filters
 from sklearn.pipeline import make_pipeline
 
-from emacm import (
-    EnvelopeDetector,
-    OrderPSD,
-    OrderResampler,
-    Recording,
-)
-from emacm.envelopes.envelope import (
-    EnvelopeSeries,
-    analytic_filter,
-    kaiser_order,
-)
+from emacm import EnvelopeDetector, OrderPSD, OrderResampler, Recording
+from emacm.envelopes.envelope import EnvelopeSeries, analytic_filter, kaiser_order
 from emacm.simulation.bench import LaboratoryBench
 from emacm.simulation.faults import FAULT_ORDERS
 
