@@ -26,16 +26,19 @@ settings.register_profile(
 )
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
-gc.disable()  # until all tests are collected, which stay
-
-
-def pytest_collection_finish():
-    gc.enable()
-    gc.freeze()
-
-
 ROOT = Path(__file__).parents[1]
 collect_ignore = ["typed_example.py"]  # a program: it would run when examples are looked for
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Collect tests, all of which stay, without the garbage collector."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+        gc.freeze()
 
 
 @pytest.fixture(autouse=True)
