@@ -42,7 +42,7 @@ def test_the_interval_of_many_recordings_is_given_by_percentiles():
     reach = np.sqrt(400 / 399) * t.ppf(0.975, 399)
     means = values[np.random.default_rng(1).integers(0, 400, (6000, 400))].mean(axis=1)
     theirs = np.quantile(means, norm.cdf([-reach, reach]))
-    assert np.allclose(interval(values, np.arange(400), n_resamples=6000), theirs, atol=0.0075)
+    assert np.allclose(interval(values, np.arange(400), n_resamples=6000), theirs, atol=0.0073)
 
 
 @pytest.mark.parametrize("n_groups", [3, 5, 20])
