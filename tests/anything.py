@@ -30,7 +30,7 @@ LEAVES = st.one_of(
     st.booleans(),
     NUMBERS,
     st.complex_numbers(),
-    st.text(max_size=3),
+    st.text("ab5@ -\n\0é電", max_size=3),
     st.binary(max_size=3),
     st.sampled_from(["a", "b", "healthy", "worn", "hann", ("kaiser", 3), np.float64(2), object()]),
     ARRAYS,

@@ -24,8 +24,11 @@ COST = {("healthy", "outer race"): 10, ("healthy", "inner race"): 10} | {
 }
 
 
-def recording(state, seed, *, order=None, gain=1.0, n=N, meta=None):
-    """Return noise in two channels, with three lines of a fault in the first one."""
+def recording(state, seed, *, order=None, gain=1.0, n=N, meta=None, units=None):
+    """Return noise in two channels, with three lines of a fault in the first one.
+
+    In volts and amperes, by default, no envelope is searched for the lines of parts.
+    """
     rng = np.random.default_rng(seed)
     angle = SPEED * np.arange(n) / FS
     wave = rng.normal(size=n) + 0.4 * np.sin(angle)
@@ -34,7 +37,8 @@ def recording(state, seed, *, order=None, gain=1.0, n=N, meta=None):
         amplitude = 0.6 * (1 + 0.05 * rng.normal())
         wave += amplitude * np.sin(0.995 * k * order * angle + rng.uniform(0, 6))
     signals = {"vib": gain * wave, "amps": 2 + rng.normal(size=n)}
-    return Recording(signals, FS, velocity=SPEED, units={"vib": "m/s²"}, meta=meta or {})
+    units = {"vib": "V", "amps": "A"} if units is None else units
+    return Recording(signals, FS, velocity=SPEED, units=units, meta=meta or {})
 
 
 @cache

@@ -1,5 +1,6 @@
 """Where the real recordings are, how examples are drawn, and figures without a screen."""
 
+import gc
 import os
 import sys
 from pathlib import Path
@@ -27,6 +28,17 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 ROOT = Path(__file__).parents[1]
 collect_ignore = ["typed_example.py"]  # a program: it would run when examples are looked for
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Collect tests, all of which stay, without the garbage collector."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+        gc.freeze()
 
 
 @pytest.fixture(autouse=True)

@@ -75,7 +75,7 @@ def test_score_and_evaluate_call_the_same_decisions_correct(cost, constant):
     assert judged["decision"].tolist() == model.predict(LATER).tolist()
 
 
-@settings(max_examples=30)
+@settings(max_examples=12)
 @given(cost_tables)
 def test_a_wrapped_classifier_is_scored_as_the_classifier_itself(cost):
     model = CostSensitiveGaussianBayes(cost).fit(X, Y)
@@ -178,7 +178,7 @@ def test_ambiguous_families_are_refused_alike_by_all(case):
 # What is decided
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(
     cost_tables,
     st.sampled_from([None, "uniform", [0.1, 0.2, 0.3, 0.4]]),

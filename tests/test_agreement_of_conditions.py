@@ -48,7 +48,7 @@ def parts_by_evaluate(X, y, condition, role="conditions"):
     return {frozenset(numbers) for _, numbers in held_out}
 
 
-@settings(max_examples=15)
+@settings(max_examples=9)
 @given(
     st.lists(
         st.tuples(st.sampled_from("CAB"), st.sampled_from([100, 3, 20])), min_size=2, max_size=5

@@ -169,12 +169,13 @@ def hdf5_of(path, **options):
             file.create_dataset("c", dtype="f8", **options)
 
 
-def npz_of_two(path):
+def npz_of(path, names, stated=None):
     array = BytesIO()
     np.save(array, np.ones(9))
     with zipfile.ZipFile(path, "w") as archive:
-        for member in ("a", "a.npy"):
-            archive.writestr(member, array.getvalue())
+        for name in names:
+            archive.writestr(name, array.getvalue())
+        archive.filelist[0].file_size = stated or archive.filelist[0].file_size
 
 
 def tdms_without(path, n_bytes):
@@ -187,13 +188,16 @@ def tdms_without(path, n_bytes):
 
 
 DAMAGED = struct.pack("<4sllqq40s", b"TDSm", 14, 4713, 40, 40, b"\xff" * 40)
-NARROW = np.zeros(1 << 26, np.uint8)
+NARROW = np.zeros(1 + (1 << 25), np.uint8)
 EXTERNAL = {"shape": (8,), "external": [("/etc/passwd", 0, 64)]}
 REFUSED = {
     "long line.csv": (lambda path: path.write_text("1," * 90_000), "line 1 has more than 100000"),
-    "same name.npz": (npz_of_two, r"must have different names, got \['a', 'a'\]"),
+    "same name.npz": (
+        partial(npz_of, names=["a", "a.npy"]),
+        r"must have different names, got \['a', 'a'\]",
+    ),
     "8 TB.h5": (lambda path: hdf5_of(path, shape=(10**12,), chunks=True), "arrays of 8000 GB"),
-    "huge.npz": (lambda path: np.savez_compressed(path, b=np.zeros(1 << 26)), "made to fill"),
+    "huge.npz": (partial(npz_of, names=["b.npy"], stated=1 << 30), "made to fill"),
     "huge.mat": (partial(savemat, mdict={"b": NARROW}, do_compression=True), "made to fill"),
     "external.h5": (lambda path: hdf5_of(path, **EXTERNAL), "'c' is stored in another file"),
     "link.h5": (lambda path: hdf5_of(path, link=("other.h5", "b")), "'c' is stored in another"),
@@ -466,9 +470,11 @@ def intervals(lines):
     return [(line["stream_start"], line["stream_end"], line["complete"]) for line in readings]
 
 
-@pytest.mark.parametrize("header", ["", "time,vib,speed\n", "speed,time,vib\n"])
-@pytest.mark.parametrize("replace", [emptied, renamed])
 @pytest.mark.parametrize("restored", [True, False])
+@pytest.mark.parametrize(
+    ("header", "replace"),
+    [("", emptied), ("time,vib,speed\n", renamed), ("speed,time,vib\n", renamed)],
+)
 def test_a_log_that_is_replaced_is_read_from_its_new_beginning(
     monitored, monkeypatch, tmp_path, header, replace, restored
 ):

@@ -113,6 +113,7 @@ def test_every_module_has_its_place_in_the_order():
     assert {place(module) for module in MODULES} == set(ORDER)
 
 
+@pytest.mark.slow
 def test_a_module_imports_only_from_its_own_subpackage_and_those_above():
     against = {
         (module, name)
@@ -123,6 +124,7 @@ def test_a_module_imports_only_from_its_own_subpackage_and_those_above():
     assert not against
 
 
+@pytest.mark.slow
 def test_only_the_command_line_imports_the_demo():
     importing = {
         (module, name)
@@ -133,6 +135,7 @@ def test_only_the_command_line_imports_the_demo():
     assert {place(module) for module, _ in importing} <= {"__main__"}
 
 
+@pytest.mark.slow
 def test_no_module_imports_itself_by_way_of_others():
     def modules_of(names):
         return {name if name in FILES else name.rpartition(".")[0] for name in names}
@@ -165,6 +168,7 @@ def test_the_repository_holds_the_agreed_folders_and_no_others():
     assert folders - made <= {"emacm", "tests", "benchmarks", "notebooks"}
 
 
+@pytest.mark.slow
 def test_nothing_optional_is_imported_with_a_module():
     optional = {
         (module, name)
@@ -176,6 +180,7 @@ def test_nothing_optional_is_imported_with_a_module():
     assert not optional
 
 
+@pytest.mark.slow
 def test_nothing_private_of_another_package_is_imported():
     assert not [
         (module, name)
@@ -186,6 +191,7 @@ def test_nothing_private_of_another_package_is_imported():
     ]
 
 
+@pytest.mark.slow
 def test_no_module_imports_a_test_tool():
     assert not [
         (module, name)
@@ -233,6 +239,7 @@ def test_a_name_that_is_not_there_is_an_attribute_error():
 COLLECTED = {"Contents", "FileColumns", "Page", "SegmentPlan"}
 
 
+@pytest.mark.slow
 def test_dataclasses_cannot_be_changed_unless_they_draw_or_collect():
     classes = {
         (module, node)

@@ -82,8 +82,8 @@ def test_a_unit_with_enough_healthy_recordings_is_compared_with_itself():
 
 
 def test_a_short_baseline_counts_as_uncertain():
-    X, units = fleet(30, 5, np.random.default_rng(3))
-    index = HealthIndex().fit(X, groups=np.arange(150), units=units)
+    X, units = fleet(10, 5, np.random.default_rng(3))
+    index = HealthIndex().fit(X, groups=np.arange(50), units=units)
     new = np.array([index._baselines.means[7][0] + [3.0, 0, 0]])
     white = (new - index._baselines.means[7][0]) @ index._baselines.within
     plain = np.sqrt((white**2).sum() / 3)
@@ -135,7 +135,7 @@ def test_a_limit_that_the_groups_cannot_support_is_refused(n_groups, supported):
 
 def test_a_limit_from_few_groups_is_a_prediction_limit_of_their_largest_readings():
     exceeded = []
-    for seed in range(60):
+    for seed in range(30):
         rng = np.random.default_rng(seed)
         X = rng.normal(size=(106, 4)) + np.repeat(rng.normal(size=(53, 4)), 2, axis=0)
         groups = np.arange(12) // 2
@@ -268,10 +268,7 @@ def test_names_containers_clones_and_pickles():
     index = HealthIndex(0.2).set_output(transform="pandas").fit(frame, groups=np.arange(24) // 2)
     assert index.transform(frame + 1).columns.tolist() == ["health_index"]
     assert pickle.loads(pickle.dumps(index)).limit() == index.limit()
-    assert clone(index).get_params() == {
-        "false_alarm": 0.2,
-        "few_groups": "refuse",
-    }
+    assert clone(index).get_params() == {"false_alarm": 0.2, "few_groups": "refuse"}
 
 
 # From recordings

@@ -76,9 +76,10 @@ def run(*arguments, source="stream.csv"):
 def printed(capsys):
     """Return the records that were printed, all of which are valid, without what the clock says."""
     schema = pytest.importorskip("jsonschema", reason="jsonschema is not installed (extra 'test')")
+    validator = schema.Draft202012Validator(SCHEMA)
     records = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     for record in records:
-        schema.validate(record, SCHEMA)
+        validator.validate(record)
         if record["times"] == "clock":
             del record["start"], record["end"]
     return records

@@ -124,7 +124,7 @@ def test_a_record_states_unit_times_and_where_they_are_from(here):
     assert run("--out", "table.jsonl", "--unit", "run") == 3
     records = [json.loads(line) for line in Path("table.jsonl").read_text().splitlines()]
     for record in records:
-        schema.validate(record, SCHEMA)
+        schema.Draft202012Validator(SCHEMA).validate(record)
     (first,) = (record for record in records if record["recording"] == "files/ok_00.npz")
     times = ("2027-01-15T07:59:58.000Z", "2027-01-15T08:00:00.000Z", "modified")
     assert (first["unit"], first["start"], first["end"], first["times"]) == ("0", *times)

@@ -12,7 +12,7 @@ from emacm.__main__ import main
 from emacm.reports.inputs import units_and_times
 
 LAYOUT = 'fs = 1000\nvelocity = "speed"\nmeta = "{unit}_{day:d}"\n[units]\nspeed = "rpm"\n'
-N = 2400
+N = 1500
 
 
 def write(path, seed, wear=0.0, n=N):
@@ -26,7 +26,7 @@ def write(path, seed, wear=0.0, n=N):
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("layout.toml").write_text(LAYOUT)
-    for folder, days in (("healthy", 10), ("nights", 4)):
+    for folder, days in (("healthy", 6), ("nights", 4)):
         Path(folder).mkdir()
         for unit in ("press", "axis"):
             for day in range(days):
@@ -68,7 +68,7 @@ def test_few_runs_have_a_limit_whose_assumption_is_stated(here, capsys):
     assert run("--false-alarm", "0.01", "--out", "trend.csv") == 0
     printed = capsys.readouterr().out
     assert "1.0% of healthy recordings exceed it, if the logarithm of the index is norm" in printed
-    assert "20 healthy groups cannot show this rate, 99 are needed" in printed
+    assert "12 healthy groups cannot show this rate, 99 are needed" in printed
 
 
 def test_indicators_of_a_sine_stand_beside_the_index(here, capsys):

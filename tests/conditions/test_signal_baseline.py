@@ -1,5 +1,7 @@
 """Facts about residual signals: what is left of a recording after the healthy mean."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from sklearn.base import clone
@@ -234,51 +236,55 @@ def test_places_apart_make_sections_of_their_own():
     assert [(part.first, part.stop) for part in parts] == [(-3, 0), (5, 7)]
 
 
-TWO_LOADS = over_angle([run(20), run(40)])
-ONE = over_angle([run()])
-TRAVEL = over_angle([run()], direction="travel")
-COARSE = over_angle([run()], theta_s=0.1)
-TWO_CHANNELS = over_angle([run(names=("current", "torque"))])
+two_loads = cache(lambda: over_angle([run(20), run(40)]))
+new_load = cache(lambda: over_angle([run(20), run(60)]))
+one = cache(lambda: over_angle([run()]))
+travel = cache(lambda: over_angle([run()], direction="travel"))
+coarse = cache(lambda: over_angle([run()], theta_s=0.1))
+two_channels = cache(lambda: over_angle([run(names=("current", "torque"))]))
+mixed = cache(lambda: [*two_channels(), *one()])
+residual = cache(lambda: SignalBaseline().fit_transform(one(), ["normal"]))
 OTHER_CHANNEL = Recording({"x": [0.0, 1]}, 1, velocity=[1.0, 1.0], meta={"load": 60})
 NO_LOAD = Recording({"current": [0.0, 1]}, 1, angle=[0.0, 1.0])
 BAD_FITS = [
-    ({}, TWO_LOADS, ["normal", "worn"], r"none of the 1 recordings of load=40 is healthy"),
-    ({"healthy": "fine"}, ONE, ["normal"], r"'fine', which is not in y. y holds \['normal'\]"),
-    ({}, ONE, None, r"names labels of y: call fit\(X, y"),
-    ({}, ONE, "normal", "y must be one-dimensional"),
-    ({}, TWO_LOADS, ["normal"], "y has 1 labels for 2 recordings"),
-    ({"healthy": []}, ONE, ["normal"], "none of the 1 recordings"),
+    ({}, two_loads, ["normal", "worn"], r"none of the 1 recordings of load=40 is healthy"),
+    ({"healthy": "fine"}, one, ["normal"], r"'fine', which is not in y. y holds \['normal'\]"),
+    ({}, one, None, r"names labels of y: call fit\(X, y"),
+    ({}, one, "normal", "y must be one-dimensional"),
+    ({}, two_loads, ["normal"], "y has 1 labels for 2 recordings"),
+    ({"healthy": []}, one, ["normal"], "none of the 1 recordings"),
     ({}, "runs", ["normal"], "X must be a list of recordings, got"),
     ({}, [run()], ["normal"], r"recording 0 \(load=20\) is over time; put an OrderResampler"),
-    ({}, TRAVEL, ["normal"], "needs strokes of one direction each"),
-    ({}, [*TWO_CHANNELS, *ONE], ["normal"] * 2, r"recording 1 .* has no channel 'torque'"),
-    ({"baseline_recordings": run()}, ONE, ["normal"], "must be None or a list of recordings"),
-    ({"baseline_recordings": iter([run()])}, ONE, ["normal"], r"write list\(\.\.\.\)"),
-    ({"baseline_recordings": [NO_LOAD]}, ONE, ["normal"], "baseline_recordings: .* key 'load'"),
-    ({"baseline_recordings": [OTHER_CHANNEL]}, ONE, ["normal"], "has no channel 'current'"),
-    ({"baseline_recordings": COARSE}, ONE, ["normal"], "baseline_recordings: .* theta_s"),
+    ({}, travel, ["normal"], "needs strokes of one direction each"),
+    ({}, mixed, ["normal"] * 2, r"recording 1 .* has no channel 'torque'"),
+    ({"baseline_recordings": run()}, one, ["normal"], "must be None or a list of recordings"),
+    ({"baseline_recordings": iter([run()])}, one, ["normal"], r"write list\(\.\.\.\)"),
+    ({"baseline_recordings": [NO_LOAD]}, one, ["normal"], "baseline_recordings: .* key 'load'"),
+    ({"baseline_recordings": [OTHER_CHANNEL]}, one, ["normal"], "has no channel 'current'"),
+    ({"baseline_recordings": coarse}, one, ["normal"], "baseline_recordings: .* theta_s"),
 ]
 
 
 @pytest.mark.parametrize(("options", "X", "y", "message"), BAD_FITS)
 def test_what_has_no_baseline_is_refused_and_leaves_nothing_fitted(options, X, y, message):
+    options = {name: of() if callable(of) else of for name, of in options.items()}
     model = SignalBaseline(**options)
     with pytest.raises((TypeError, ValueError), match=message):
-        model.fit(X, y)
+        model.fit(X() if callable(X) else X, y)
     with pytest.raises(NotFittedError):
-        model.transform(ONE)
+        model.transform(one())
 
 
 @pytest.mark.parametrize(
     ("X", "message"),
     [
-        (over_angle([run(20), run(60)]), r"recording 1 .* has load=60, .* of \[20\] only"),
-        (TWO_CHANNELS, "recording 0 .* has a channel 'torque'"),
-        (COARSE, r"recording 0 .* was resampled with theta_s = 0\.1, but"),
-        (None, "X must be a list of recordings, got"),
-        (SignalBaseline().fit_transform(ONE, ["normal"]), "recording 0 .* it is a residual"),
+        (new_load, r"recording 1 .* has load=60, .* of \[20\] only"),
+        (two_channels, "recording 0 .* has a channel 'torque'"),
+        (coarse, r"recording 0 .* was resampled with theta_s = 0\.1, but"),
+        (lambda: None, "X must be a list of recordings, got"),
+        (residual, "recording 0 .* it is a residual"),
     ],
 )
 def test_recordings_unlike_those_of_the_baseline_are_refused(X, message):
     with pytest.raises((TypeError, ValueError), match=message):
-        SignalBaseline().fit(ONE, ["normal"]).transform(X)
+        SignalBaseline().fit(one(), ["normal"]).transform(X())

@@ -7,17 +7,8 @@ from hypothesis import strategies as st
 from scipy import signal as filters
 from sklearn.pipeline import make_pipeline
 
-from emacm import (
-    EnvelopeDetector,
-    OrderPSD,
-    OrderResampler,
-    Recording,
-)
-from emacm.envelopes.envelope import (
-    EnvelopeSeries,
-    analytic_filter,
-    kaiser_order,
-)
+from emacm import EnvelopeDetector, OrderPSD, OrderResampler, Recording
+from emacm.envelopes.envelope import EnvelopeSeries, analytic_filter, kaiser_order
 from emacm.simulation.bench import LaboratoryBench
 from emacm.simulation.faults import FAULT_ORDERS
 
@@ -170,7 +161,7 @@ def test_a_damaged_inner_ring_shows_in_the_envelope_and_not_in_the_plain_spectru
     order = FAULT_ORDERS["inner ring"][0]
     detector = EnvelopeDetector((1000, 3000), channels=["accelerometer"])
     sound, damaged = (
-        LaboratoryBench(faults=faults, duration=4.0).record(condition=5)
+        LaboratoryBench(faults=faults, duration=2.0).record(condition=5)
         for faults in ({}, {"inner ring": 0.5})
     )
     assert contrast(damaged, order) < 2 * contrast(sound, order)  # waviness of a healthy ring

@@ -99,21 +99,21 @@ def test_the_band_is_that_of_the_largest_kurtosis_and_of_equal_ones_the_widest()
 
 
 def test_gain_changes_nothing():
-    signal = struck(2000) + 0.1 * noise()
+    signal = struck(2000, n_times=30_000) + 0.1 * noise(30_000)
     one, other = kurtogram(signal, FS), kurtogram(-1e3 * signal, FS)
     assert one.band == other.band
     np.testing.assert_allclose(one.kurtosis[2], other.kurtosis[2], rtol=1e-9)
 
 
 def test_a_signal_that_is_computed_when_read_has_the_kurtosis_of_the_whole():
-    signal = struck(2000) + 0.1 * noise()
+    signal = struck(2000, n_times=70_000) + 0.1 * noise(70_000)
     series = WhitenedSeries(signal, FS)
     one, other = kurtogram(series, FS), kurtogram(WhitenedSeries(signal, FS)[:], FS)
     np.testing.assert_allclose(one.kurtosis[0], other.kurtosis[0], rtol=1e-9)
 
 
-def recording(frequency, seed=0):
-    signal = struck(frequency) + 0.2 * noise(seed=seed)
+def recording(frequency, n_times=200_000):
+    signal = struck(frequency, n_times=n_times) + 0.2 * noise(n_times)
     return Recording({"sound": signal}, FS, velocity=np.full(len(signal), TURN * 5))
 
 
@@ -136,9 +136,10 @@ def test_the_detector_takes_the_band_of_each_recording():
 
 def test_it_works_after_prewhitening():
     chain = make_pipeline(CepstralPrewhitening(), EnvelopeDetector("kurtogram"))
-    (found,) = chain.fit_transform([recording(3300)])
+    run = recording(3300, 70_000)
+    (found,) = chain.fit_transform([run])
     assert np.isfinite(found.signals["sound"]).all()
-    (white,) = chain[0].transform([recording(3300)])
+    (white,) = chain[0].transform([run])
     low, high = kurtogram(white.signals["sound"], FS).band
     assert found.series["sound"].bandwidth == pytest.approx(high - low)
     assert high - low < FS / 8 + 1

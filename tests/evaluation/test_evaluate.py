@@ -2,6 +2,7 @@
 
 import re
 import warnings
+from functools import cache
 
 import joblib
 import numpy as np
@@ -54,6 +55,12 @@ def family_cost():
     return pd.DataFrame(prices, index=[*FAMILIES], columns=STATES)
 
 
+@cache
+def evaluated_states():
+    X, y, runs = sub_states()
+    return evaluate(GaussianNB(), X, y, runs=runs)
+
+
 class Echo(ClassifierMixin, BaseEstimator):
     """Answers what its feature says, whatever it was taught."""
 
@@ -73,9 +80,14 @@ def echoed(y, answers, cost=None, **options):
     return evaluate(Echo(cost), X, y, **options)
 
 
-def test_near_copies_give_an_optimistic_random_split_and_chance_by_run():
+@cache
+def evaluated_copies():
     X, y, runs = near_copies()
-    found = evaluate(KNeighborsClassifier(1), X, y, runs=runs)
+    return evaluate(KNeighborsClassifier(1), X, y, runs=runs)
+
+
+def test_near_copies_give_an_optimistic_random_split_and_chance_by_run():
+    found = evaluated_copies()
     assert found.table.loc["random split", "balanced_accuracy"] > 0.99
     by_run = found.table.loc["by run"]
     assert by_run["balanced_accuracy_low"] < 1 / 3 < by_run["balanced_accuracy_high"]
@@ -83,8 +95,7 @@ def test_near_copies_give_an_optimistic_random_split_and_chance_by_run():
 
 
 def test_intervals_by_run_count_runs_and_not_copies():
-    X, y, runs = near_copies()
-    found = evaluate(KNeighborsClassifier(1), X, y, runs=runs)
+    found = evaluated_copies()
     width = found.table["accuracy_high"] - found.table["accuracy_low"]
     binomial = 2 * 1.96 * np.sqrt((1 / 3) * (2 / 3) / 60)  # of 60 runs, all right or all wrong
     assert width["by run"] == pytest.approx(binomial, rel=0.25)
@@ -92,8 +103,7 @@ def test_intervals_by_run_count_runs_and_not_copies():
 
 
 def test_figures_are_those_of_scikit_learn_on_the_decisions():
-    X, y, runs = sub_states()
-    found = evaluate(GaussianNB(), X, y, runs=runs)
+    found = evaluated_states()
     for scheme, held in found.predictions.groupby("scheme"):
         row = found.table.loc[scheme]
         assert row["balanced_accuracy"] == pytest.approx(
@@ -113,7 +123,7 @@ def test_figures_are_those_of_scikit_learn_on_the_decisions():
 
 
 def test_auroc_of_folds_with_one_label_is_pooled_and_a_caveat_says_so():
-    X, y, runs = sub_states(width=0.1)
+    X, y, runs = sub_states(n_runs=4, width=0.1)
     bearings = np.char.add(y, runs.astype(str))  # each bearing has one state
     found = evaluate(GaussianNB(), X, y, units=bearings, n_splits=len(set(bearings)))
     assert found.table.loc["by unit", "macro_auroc"] == 1
@@ -123,7 +133,7 @@ def test_auroc_of_folds_with_one_label_is_pooled_and_a_caveat_says_so():
 
 def test_decisions_are_those_of_a_clone_fitted_to_the_other_runs():
     X, y, runs = sub_states()
-    found = evaluate(GaussianNB(), X, y, runs=runs)
+    found = evaluated_states()
     held = found.predictions.query("scheme == 'by run'").set_index("recording")
     expected = np.empty(len(y), object)
     for train, test in LeaveOneGroupOut().split(X, y, runs):
@@ -183,7 +193,7 @@ def test_every_decision_that_is_correct_for_the_healthy_state_misses_a_fault():
 def test_the_cost_is_the_expected_cost_of_the_decisions():
     X, y, runs = sub_states()
     cost = {("normal", "worn1"): 10, ("normal", "spalled"): 25, ("worn1", "normal"): 0.3}
-    found = evaluate(CostSensitiveGaussianBayes(cost), X, y, runs=runs)
+    found = evaluate(CostSensitiveGaussianBayes(cost), X, y, runs=runs, n_splits=4)
     held = found.predictions.query("scheme == 'by run'")
     expected = expected_cost(held["truth"], held["decision"], cost=cost, labels=sorted(STATES))
     assert found.table.loc["by run", "expected_cost"] == pytest.approx(expected, rel=1e-12)
@@ -273,12 +283,13 @@ class WarnsOfNewLoads(OnlyKnownLoads):
 
 
 def test_a_load_held_out_is_outside_of_the_training_by_design_and_gives_no_warning():
-    X, y, runs = sub_states()
+    X, y, _ = sub_states()
     loads = np.tile([20.0, 40.0], len(y) // 2)
     table = np.column_stack([loads, X])
-    evaluate(WarnsOfNewLoads(), table, y, runs=runs, conditions=loads)
+    evaluate(WarnsOfNewLoads(), table, y, conditions=loads, n_splits=2)
+    splits = {"load 40": (loads == 20, loads == 40)}
     with pytest.warns(UserWarning, match="above the training range"):
-        evaluate(WarnsOfNewLoads(), table, y, splits={"load 40": (loads == 20, loads == 40)})
+        evaluate(WarnsOfNewLoads(), table, y, splits=splits, n_splits=2)
 
 
 def test_labels_are_read_from_the_meta_of_recordings():
@@ -292,15 +303,14 @@ def test_labels_are_read_from_the_meta_of_recordings():
             Recording({"current": signal}, 500, velocity=np.full(2000, 30.0), meta=meta)
         )
     model = make_pipeline(OrderResampler(), OrderPSD(4), GaussianNB())
-    found = evaluate(
-        model, recordings, y, runs="run", units="unit", conditions="load", healthy="new"
-    )
+    options = {"runs": "run", "healthy": "new", "n_splits": 4}
+    found = evaluate(model, recordings, y, units="unit", conditions="load", **options)
     assert list(found.table.index) == ["random split", "by run", "by unit", "by load"]
     assert (found.table["accuracy"] == 1).all()
     assert any("does not prove certainty" in caveat for caveat in found.caveats)
     lazily = make_pipeline(OrderPSD(4), GaussianNB())
     resampled = OrderResampler().fit_transform(recordings)
-    again = evaluate(lazily, resampled, y, runs="run", healthy="new")
+    again = evaluate(lazily, resampled, y, **options)
     assert (again.table.loc["by run"] == found.table.loc["by run"]).all()
 
 
@@ -312,7 +322,7 @@ def test_later_runs_and_splitters_are_held_out_as_given():
         "numbers": [(np.flatnonzero(~late), np.flatnonzero(late))],
         "splitter": GroupKFold(4),
     }
-    found = evaluate(GaussianNB(), X, y, runs=runs, splits=splits)
+    found = evaluate(GaussianNB(), X, y, runs=runs, splits=splits, n_splits=2)
     table = found.table
     assert table.loc["later runs", ["recordings", "folds", "groups"]].tolist() == [24, 1, 2]
     assert table.loc["later runs", "accuracy"] == table.loc["numbers", "accuracy"]
@@ -335,7 +345,7 @@ def assert_equal_results(one, other):
 def test_the_estimator_and_the_data_are_unchanged():
     X, y, runs = sub_states()
     model, before = CostSensitiveGaussianBayes(family_cost()), joblib.hash((X, y, runs))
-    evaluate(model, X, y, runs=runs)
+    evaluate(model, X, y, runs=runs, n_splits=2)
     assert not hasattr(model, "classes_")
     assert model.cost.equals(family_cost())
     assert joblib.hash((X, y, runs)) == before
@@ -356,8 +366,7 @@ def test_caveats_are_printed_before_the_figures_of_merit():
 
 
 def test_a_result_can_be_saved(tmp_path):
-    X, y, runs = sub_states()
-    found = evaluate(GaussianNB(), X, y, runs=runs)
+    found = evaluated_states()
     joblib.dump(found, tmp_path / "found.joblib")
     assert str(joblib.load(tmp_path / "found.joblib")) == str(found)
 
@@ -482,7 +491,6 @@ def test_a_classifier_for_new_units_learns_from_units_and_others_from_runs(given
 
 
 def test_folds_may_be_decided_in_parallel():
-    X, y, runs = sub_states(width=2.0)
-    alone = evaluate(GaussianNB(), X, y, runs=runs)
+    X, y, runs = sub_states()
     with joblib.parallel_config(backend="threading", n_jobs=2):
-        assert_equal_results(evaluate(GaussianNB(), X, y, runs=runs), alone)
+        assert_equal_results(evaluate(GaussianNB(), X, y, runs=runs), evaluated_states())

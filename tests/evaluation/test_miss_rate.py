@@ -59,7 +59,7 @@ def test_the_rates_of_the_given_cost_are_those_of_evaluate():
         model.fit(X[parts], y[parts]), X[~parts], y[~parts], units[~parts], 0.2, healthy="healthy"
     )
     split = {"later": (parts, ~parts)}
-    result = evaluate(model, X, y, units=units, splits=split, healthy="healthy")
+    result = evaluate(model, X, y, units=units, splits=split, healthy="healthy", n_splits=2)
     rates = [name for name in limit.table if "_rate" in name]
     assert len(rates) == 9
     found, expected = limit.table.loc["given cost", rates], result.table.loc["later", rates]

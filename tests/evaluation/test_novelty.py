@@ -32,7 +32,7 @@ def classifier(cost=None, **options):
 def found():
     X, y, units = fleet()
     model = make_pipeline(StandardScaler(), classifier(family_costs(FAMILIES)))
-    return evaluate_unknown(model, X, y, units=units, healthy="new", n_splits=5)
+    return evaluate_unknown(model, X, y, units=units, healthy="new", n_splits=3)
 
 
 @pytest.mark.slow

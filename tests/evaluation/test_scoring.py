@@ -48,7 +48,7 @@ def test_a_healthy_recording_decided_unknown_is_an_inspection_and_a_faulty_one_i
     X, y, units = far_away()
     model = CostSensitiveGaussianBayes(covariance="tied", unknown="unknown")
     later = {"later units": (units < 9, units >= 9)}
-    found = evaluate(model, X, y, units=units, healthy="new", splits=later)
+    found = evaluate(model, X, y, units=units, healthy="new", splits=later, n_splits=2)
     row, held = found.table.loc["later units"], found.predictions.query("scheme == 'later units'")
     assert held.set_index("recording").loc[[55, 62], "decision"].tolist() == ["unknown"] * 2
     assert row["inspection_rate"] == 1 / 6

@@ -66,15 +66,14 @@ def test_the_first_passage_of_a_known_drift_is_inverse_gaussian():
 def test_the_first_passage_of_a_random_drift_is_that_of_a_simulation():
     process = WienerProcess(threshold=5.0, drift=0.5, drift_variance=0.04, diffusion=0.3)
     rng = np.random.default_rng(0)
-    drift = 0.5 + 0.2 * rng.standard_normal(1000)
-    steps = 0.01 * drift[:, np.newaxis] + np.sqrt(0.003) * rng.standard_normal((1000, 6000))
+    drift = 0.5 + 0.2 * rng.standard_normal(600)
+    steps = 0.01 * drift[:, np.newaxis] + np.sqrt(0.003) * rng.standard_normal((600, 4000))
     reached = (np.cumsum(steps, axis=1) >= 5.0 - 0.58 * np.sqrt(0.003)).argmax(axis=1) * 0.01
     lives = np.sort(reached[reached > 0])  # 0.58: discrete steps miss the crossing by this much
-    # Some do not reach the threshold in 60 h; among lives below 40 h the law must hold.
+    # Some do not reach the threshold in 40 h; among the others the law must hold.
     expected = process.cdf(lives, np.tile([0.0, 0.0, 0.0], (len(lives), 1)))
-    inside = lives < 40
     limit = process.cdf(np.array([40.0]), np.zeros((1, 3)))[0]
-    assert kstest(expected[inside] / limit, "uniform").pvalue > 0.01
+    assert kstest(expected / limit, "uniform").pvalue > 0.01
 
 
 def test_the_drift_of_a_unit_is_learned_from_what_it_climbed():
@@ -200,10 +199,10 @@ def test_limits_that_censored_units_do_not_support_are_infinite_and_stated():
 
 
 def test_intervals_narrow_as_damage_grows():
-    X, y, groups, _ = followed(range(60))
+    X, y, groups, _ = followed(range(30))
     fitted = model("wiener").fit(X, y, groups=groups)
     widths = {}
-    for unit in range(100, 120):
+    for unit in range(100, 110):
         X, y, groups, _ = followed([unit])
         table = fitted.predict_interval(X, groups)
         width = (table["upper"] - table["lower"]).to_numpy()
@@ -304,8 +303,7 @@ def test_what_is_outside_the_fit_is_stated():
 
 
 @pytest.mark.parametrize(
-    "asked",
-    [lambda fitted, X: fitted.predict(X), lambda fitted, X: fitted.decide(X, COSTS)],
+    "asked", [lambda fitted, X: fitted.predict(X), lambda fitted, X: fitted.decide(X, COSTS)]
 )
 def test_predictions_outside_the_fit_warn(asked):
     X, y, groups, _ = followed(range(12))
@@ -362,7 +360,7 @@ def test_decisions_follow_the_remaining_life():
 
 
 def test_dearer_failures_stop_earlier_and_dearer_lost_life_later():
-    X, y, groups, _ = followed(range(60))
+    X, y, groups, _ = followed(range(30))
     fitted = model("wiener").fit(X, y, groups=groups)
     X, _, units, _ = followed([500, 501, 502], interval=5.0)
 

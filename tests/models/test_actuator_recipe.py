@@ -1,5 +1,8 @@
 """Facts about the recipe for actuators."""
 
+from copy import deepcopy
+from functools import cache
+
 import joblib
 import numpy as np
 import pytest
@@ -51,21 +54,24 @@ def fitted(X, y, model=None, **options):
     return model.fit(X, y, costsensitivegaussianbayes__groups=[x.meta["run"] for x in X])
 
 
+@cache
+def trained(variant="without phase"):
+    """Return a variant of the recipe, fitted to a campaign."""
+    return fitted(*campaign(), **VARIANTS[variant])
+
+
 VARIANTS = {
     "without phase": {},
     "with phase": {"phase": True},
     "relative to healthy": {"phase": True, "healthy": "normal"},
 }
 new_lines = pytest.mark.filterwarnings("ignore:recording 0. line at order")
-variants = pytest.mark.parametrize("options", VARIANTS.values(), ids=VARIANTS)
 
 
-@variants
-def test_states_of_a_made_up_actuator_are_recognised_in_new_recordings(options):
-    X, y = campaign()
-    model = fitted(X, y, **options)
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_states_of_a_made_up_actuator_are_recognised_in_new_recordings(variant):
     new, truth = [actuator(s, 20, 100 + k) for k, s in enumerate(STATES)], list(STATES)
-    assert model.predict(new).tolist() == truth
+    assert trained(variant).predict(new).tolist() == truth
 
 
 def test_without_phase_features_do_not_see_where_the_wave_stands():
@@ -85,9 +91,9 @@ def test_without_phase_machines_that_are_put_together_anew_are_recognised():
     known, found = (
         {s: k + turn for k, s in zip((0, 2, 4), STATES, strict=True)} for turn in (0, 2)
     )
-    X = [actuator(s, 20, seed, wave=known[s]) for seed in range(8) for s in STATES]
+    X = [actuator(s, 20, seed, wave=known[s]) for seed in range(5) for s in STATES]
     y = [x.meta["state"] for x in X]
-    new = [actuator(s, 20, 100 + seed, wave=found[s]) for seed in range(4) for s in STATES]
+    new = [actuator(s, 20, 100 + seed, wave=found[s]) for seed in range(2) for s in STATES]
     truth = [x.meta["state"] for x in new]
     assert fitted(X, y, unknown_rate=None).predict(new).tolist() == truth
     # With phase each is taken for the one whose wave stood there in training.
@@ -101,15 +107,15 @@ def test_without_phase_the_zero_of_the_shaft_angle_changes_nothing():
     turned = [actuator(x.meta["state"], x.meta["load"], 0, zero=2.0) for x in X]
     known, found = features.transform(X), features.transform(turned)
     np.testing.assert_allclose(found, known, rtol=1e-8, atol=1e-8)
-    model = fitted(*campaign())
-    assert model.predict(turned).tolist() == model.predict(X).tolist()
+    assert trained().predict(turned).tolist() == trained().predict(X).tolist()
 
 
-@variants
+@pytest.mark.parametrize("options", VARIANTS.values(), ids=VARIANTS)
 def test_every_feature_has_a_name_of_its_own(options):
     X, y = campaign(2, loads=(20,))
-    names = recipe(**options)[:-1].fit(X, y).get_feature_names_out()
-    assert len(set(names)) == len(names) == recipe(**options)[:-1].fit_transform(X, y).shape[1]
+    features = recipe(**options)[:-1].fit(X, y)
+    names = features.get_feature_names_out()
+    assert len(set(names)) == len(names) == features.transform(X).shape[1]
     assert {"current+@0-0.25", "current+:mean", "current*error:coherence+@1-1.25"} <= set(names)
 
 
@@ -123,9 +129,9 @@ def another_machine(seed):
 
 
 @new_lines
-@variants
-def test_another_machine_is_unknown(options):
-    model = fitted(*campaign(8), **options)
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_another_machine_is_unknown(variant):
+    model = deepcopy(trained(variant))
     new = [another_machine(seed) for seed in range(3)]
     assert model.predict(new).tolist() == ["unknown"] * 3
     assert model.set_params(costsensitivegaussianbayes__unknown=None).predict(new)[0] in STATES
@@ -143,14 +149,14 @@ def test_evaluate_passes_the_runs_and_counts_decisions_on_families():
 
 @new_lines
 def test_without_groups_single_recordings_are_left_out_with_a_warning():
-    X, y = campaign(8, loads=(20,))
+    X, y = campaign(5, loads=(20,))
     with pytest.warns(UserWarning, match="make the model over-confident"):
         model = recipe().fit(X, y)
     assert model.predict([another_machine(1)]).tolist() == ["unknown"]
 
 
 def test_it_goes_into_a_router_and_through_joblib(tmp_path):
-    X, y = campaign()
+    X, y = campaign(3)
     model = fitted(X, y, clone(ConditionRouter(recipe(), condition="load")))
     joblib.dump(model, tmp_path / "model.joblib")
     kept = joblib.load(tmp_path / "model.joblib")
@@ -158,8 +164,7 @@ def test_it_goes_into_a_router_and_through_joblib(tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore:recording 4.* is constant")  # the error says it too
-@pytest.mark.parametrize("level", [0.0, 0.7])
-@pytest.mark.parametrize("channel", ["current", "error"])
+@pytest.mark.parametrize(("channel", "level"), [("current", 0.7), ("error", 0.0)])
 def test_a_dead_channel_is_named_with_its_recording(channel, level):
     X, y = campaign(3, loads=(20,))
     model = fitted(X, y)

@@ -12,12 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import trapezoid
 
 from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
-from emacm.orders.bins import (
-    bin_edges,
-    bin_operator,
-    check_edges,
-    check_stop_bands,
-)
+from emacm.orders.bins import bin_edges, bin_operator, check_edges, check_stop_bands
 from emacm.orders.columns import OrderTable
 
 TURN = 2 * np.pi
@@ -131,11 +126,7 @@ def test_stop_bands_that_overlap_take_out_their_union_once(spectrum, data):
 # BinTransformer
 
 
-@given(
-    spectrum=spectra(),
-    bin_size=st.floats(0.05, 50),
-    data=st.data(),
-)
+@given(spectrum=spectra(), bin_size=st.floats(0.05, 50), data=st.data())
 def test_the_transformer_adds_up_to_the_integral_less_the_stop_band(spectrum, bin_size, data):
     orders, psd = spectrum
     assume(orders[-1] / bin_size < 200)

@@ -22,7 +22,7 @@ from emacm.orders.columns import (
 
 COLUMNS = order_columns(["current"], [0, 0.25, 0.5])
 ORDERS = st.floats(0, 1e6, allow_nan=False)
-CHANNELS = st.text(min_size=1, max_size=12)
+CHANNELS = st.text("ab5@+-. \n\0µ電", min_size=1, max_size=12)
 
 
 def table(columns=COLUMNS):

@@ -4,17 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from bearing_models import (
-    BEARING,
-    COST,
-    LINES,
-    STATES,
-    bins_model,
-    fitted,
-    recording,
-    runs,
-    steps,
-)
+from bearing_models import BEARING, COST, LINES, STATES, bins_model, fitted, recording, runs, steps
 from sklearn.decomposition import PCA
 from sklearn.ensemble import RandomForestClassifier
 from sklearn.pipeline import make_pipeline
@@ -305,7 +295,8 @@ def test_without_a_healthy_state_the_most_probable_other_one_is_the_reference():
 
 
 def test_facts_of_recording_and_model_are_stated():
-    found = page(bins_model(), recording("healthy", 97, meta={"unit": "A"}))
+    new = recording("healthy", 97, meta={"unit": "A"}, units={"vib": "m/s²"})
+    found = page(bins_model(), new)
     facts = dict(found.recording)
     assert facts["Recording"] == "run 7"
     assert facts["Length"] == "4.5 s, 78.77 revolutions"
@@ -319,7 +310,8 @@ def test_facts_of_recording_and_model_are_stated():
 
 def test_actions_are_those_of_the_table():
     actions = {"outer race": "Replace it.", "inspect": "Look."}
-    assert page(bins_model(), recording("outer race", 99), actions=actions).action == "Replace it."
+    found = page(bins_model(), recording("outer race", 99), actions=actions)
+    assert found.action == "Replace it."
     found = page(bins_model(), recording("healthy", 97), actions=actions)
     assert found.action == "none is given for this decision"
     assert page(bins_model(), recording("healthy", 97)).action == ""

@@ -4,17 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from anything import ANYTHING, FUZZ, NUMBERS, VALUES, survive
-from bad_input import (
-    THETA_S,
-    Case,
-    T,
-    V,
-    check_refused,
-    each,
-    forward_only,
-    over_angle,
-    run,
-)
+from bad_input import THETA_S, Case, T, V, check_refused, each, forward_only, over_angle, run
 from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.pipeline import make_pipeline
@@ -147,10 +137,7 @@ def test_anything_is_resampled_or_refused(X, reference):
 
 
 @FUZZ
-@given(
-    st.sampled_from(sorted(OrderResampler().get_params().keys() - {"n_jobs"})),
-    VALUES,
-)
+@given(st.sampled_from(sorted(OrderResampler().get_params().keys() - {"n_jobs"})), VALUES)
 def test_any_option_of_the_resampler_is_taken_or_refused(name, value):
     def call():
         resampler = OrderResampler(**({"theta_s": THETA_S} | {name: value}))

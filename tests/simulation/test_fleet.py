@@ -16,15 +16,15 @@ def test_the_same_seed_gives_the_same_recording_and_another_seed_unit_or_run_ano
 
 
 def test_a_fleet_has_units_and_runs_of_every_state():
-    recordings, states, units = simulate_fleet(2, 3, seed=1, severity=(0.4, 0.6))
-    assert len(recordings) == len(states) == len(units) == 18
+    recordings, states, units = simulate_fleet(2, 2, seed=1, severity=(0.4, 0.6))
+    assert len(recordings) == len(states) == len(units) == 12
     assert {state: len(set(units[states == state])) for state in STATES} == dict.fromkeys(STATES, 2)
     assert len(set(units)) == 6
     assert [recording.meta["label"] for recording in recordings] == states.tolist()
     assert [recording.meta["unit"] for recording in recordings] == units.tolist()
     severities = [recording.meta["severity"] for recording in recordings]
-    assert severities[:6] == [0] * 6
-    assert all(0.4 <= severity <= 0.6 for severity in severities[6:])
+    assert severities[:4] == [0] * 4
+    assert all(0.4 <= severity <= 0.6 for severity in severities[4:])
     assert len(set(severities)) == 5
 
 
@@ -57,13 +57,13 @@ def test_a_wrong_parameter_is_named(make, arguments, message):
 
 def test_onset_and_growth_have_the_stated_law():
     law = WearLaw(onset_shape=1.5, onset_scale=90.0, drift=0.05, drift_spread=0.0, diffusion=0.01)
-    lives = [law.draw(unit, 5.0) for unit in range(800)]
+    lives = [law.draw(unit, 5.0) for unit in range(400)]
     onsets = [life.onset for life in lives]
     assert kstest(onsets, weibull_min(1.5, scale=90.0).cdf).pvalue > 0.01
     # First passage of a Wiener process with drift: mean distance / drift.
     durations = np.array([life.life - life.onset for life in lives])
     mean = -np.log(0.05) / 0.05
-    error = np.sqrt(mean * 0.01 / 0.05**2 / 800)
+    error = np.sqrt(mean * 0.01 / 0.05**2 / 400)
     assert durations.mean() == pytest.approx(mean, abs=3 * error)
 
 
@@ -89,7 +89,7 @@ def test_the_same_unit_has_the_same_life_also_if_it_is_observed_for_less():
 
 
 def test_recordings_state_the_true_life_and_the_severity_is_that_of_the_law():
-    fleet = run_to_failure_fleet(3, interval=60.0, duration=0.3, first_unit=4)
+    fleet = run_to_failure_fleet(2, interval=60.0, duration=0.3, first_unit=4)
     meta = [recording.meta for recording in fleet]
     assert [m["unit"] for m in meta] == sorted(m["unit"] for m in meta)
     for m in meta:

@@ -4,6 +4,8 @@ import pytest
 
 from chapter2 import reproduce_chapter2
 
+pytestmark = pytest.mark.slow  # the whole chapter is computed and drawn
+
 
 @pytest.fixture(scope="module")
 def chapter():
@@ -18,7 +20,6 @@ def findings(chapter):
     return {finding.where: finding for finding in chapter.findings}
 
 
-@pytest.mark.slow
 def test_all_agrees_but_the_order_step_and_the_width_of_the_smeared_spectrum(findings):
     assert len(findings) == 21
     assert [where for where, f in findings.items() if not f.agrees_by_range] == [

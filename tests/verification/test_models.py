@@ -1,6 +1,7 @@
 """A model file states its evidence: as a card, and to be computed again."""
 
 import json
+import shutil
 from hashlib import sha256
 from pathlib import Path
 
@@ -17,24 +18,33 @@ pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
 AGAIN = ["--layout", "layout.toml", "--data", "files"]
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    """Stand beside the files of four units, and a model that was trained on them."""
-    monkeypatch.chdir(tmp_path)
-    Path("files").mkdir()
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """Return a folder with the files of three units, and a model that was trained on them."""
+    folder = tmp_path_factory.mktemp("trained")
+    (folder / "files").mkdir()
     rng = np.random.default_rng(0)
-    for number in range(24):
-        unit, worn, load = number % 4, number // 12, 20 * (1 + number % 3)
+    for number in range(12):
+        unit, worn, load = number % 3, number // 6, 20 * (1 + number // 3 % 2)
         angle = np.cumsum(110.0 + unit + np.zeros(2000)) / 640
         columns = {"vib": rng.normal(size=2000) + worn * np.sin(5.3 * angle), "angle": angle}
         state = ("healthy", "worn")[worn]
-        np.savez(f"files/U{unit}_{state}_{load}_{number}.npz", **columns, fs=640)
-    Path("layout.toml").write_text('angle = "angle"\nmeta = "{unit}_{state}_{load:d}_{run:d}"\n')
+        np.savez(folder / f"files/U{unit}_{state}_{load}_{number}.npz", **columns, fs=640)
+    meta = 'meta = "{unit}_{state}_{load:d}_{run:d}"\n'
+    (folder / "layout.toml").write_text('angle = "angle"\n' + meta)
     stated = ["--intended-use", "pump P1", "--limits", "not in start-up"]
     keys = ["--labels", "state", "--groups", "unit", "--max-order", "10"]
-    arguments = ["train", "layout.toml", "files", *keys, *stated, "--out", "model.emacm"]
-    assert main(arguments) == 0
-    return tmp_path
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        command = ["train", "layout.toml", "files", *keys, *stated, "--out", "model.emacm"]
+        assert main(command) == 0
+    return folder
+
+
+@pytest.fixture
+def here(trained, tmp_path, monkeypatch):
+    """Stand in a copy of this folder."""
+    monkeypatch.chdir(shutil.copytree(trained, tmp_path / "here"))
 
 
 def test_the_evidence_is_computed_again_and_a_changed_file_is_found(here, capsys):
