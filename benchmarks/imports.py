@@ -36,9 +36,8 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="once")
     json_option(parser)
     options = parser.parse_args()
-    repeats = 1 if options.quick else 15
     starts = {code: interpreter(code) for code in STATEMENTS}
-    spent = medians(starts, repeats, warm_up=not options.quick)
+    spent = medians(starts, 1 if options.quick else 15, warm_up=not options.quick)
     base = spent["import sklearn"]
     rows = [{"statement": c, "s": t, "beyond sklearn [s]": t - base} for c, t in spent.items()]
     print(header())

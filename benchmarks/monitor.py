@@ -117,8 +117,8 @@ def main() -> None:
     json_option(parser)
     options = parser.parse_args()
     model = fitted()
-    sizes = ((1, 8.0), (2, 8.0)) if options.quick else ((1, 60.0), (10, 20.0), (100, 10.0))
-    sizes += () if options.quick else ((1000, 8.0),)
+    full = (1, 60.0), (10, 20.0), (100, 10.0), (1000, 8.0)
+    sizes = ((1, 8.0), (2, 8.0)) if options.quick else full
     rows = [row(model, *size) for size in sizes]
     rows.append(row(model, 1, sizes[0][1], length=48))
     print(header())

@@ -308,9 +308,8 @@ def main() -> None:
 def few(known: Recordings, n_runs: int = 2) -> Recordings:
     """Return two sequences of seven states, two loads and some runs each."""
     frame = pd.DataFrame({name: getattr(known, name) for name in ("state", "load", "run")})
-    kept = frame.groupby(["state", "load", "run"]).cumcount() < 2
-    for name, number in {"load": 2, "run": n_runs}.items():
-        kept &= frame[name].isin(np.unique(frame[name])[:number])
+    first = {"load": np.unique(known.load)[:2], "run": np.unique(known.run)[:n_runs]}
+    kept = frame[[*first]].isin(first).all(axis=1) & (frame.groupby([*frame]).cumcount() < 2)
     return known.take(kept & ~frame["state"].str.fullmatch("spalling[1-6]"))
 
 
