@@ -61,6 +61,8 @@ class NamingSettings:
         Harmonics of the shaft in the spectrum of the vibration, which show a wrong speed.
     shaft_height : float
         Their mean height from which on they do [dB]; it was set before any was measured.
+    rounded : float
+        Error of a speed, as a fraction, that changes nothing.
     n_values : int
         Different values of a channel that is not connected.
     narrow : float
@@ -85,6 +87,7 @@ class NamingSettings:
     fine: tuple[int, ...] = (100, 50)
     shaft_lines: int = 6
     shaft_height: float = 10.0
+    rounded: float = 0.005
     n_values: int = 3
     narrow: float = 12.5
     comb: float = 0.9
@@ -184,15 +187,12 @@ class Spectrum(NamedTuple):
         # The shaft, and the cage, which slips as well.
         return [turn * slowed for turn in own | stands_out for slowed in (1.0, 1 + fault.slip)]
 
-    def further(
-        self, named: Sequence[str], rate: float, finest: LineLevels, shaft: float
-    ) -> Fault | None:
+    def further(self, named: Sequence[str], rate: float, finest: LineLevels) -> Fault | None:
         """Return the strongest fault that has lines which those named do not explain."""
         faults = self.faults()
         known = [fault for fault in faults if fault.series.name in named]
         least = max(np.mean(fault.heights) for fault in known) - SETTINGS.weaker
-        turns = {order for fault in faults for _, order in fault.series.sidebands}
-        turns |= {1.0, shaft}
+        turns = {order for fault in faults for _, order in fault.series.sidebands} | {1.0}
         explained = [
             self.lines.explained(fault.series, fault.slip, self._modulations(fault, turns))
             for fault in known
@@ -224,10 +224,11 @@ class Measured(NamedTuple):
         Row or recording, and channel.
     spectrum, fine : Spectrum, and sequence of Spectrum
         Of segments for the average, and of longer ones.
-    shaft : float
-        Order at which the harmonics of the shaft are: not 1 if the speed is wrong.
+    shift : float
+        Fraction by which the harmonics of the shaft are shifted: not 0 if the speed is wrong.
+        Within the slip, the spectra are those of the speed that they show.
     rpm : float
-        Speed [1/min]; NaN for a table.
+        Stated speed [1/min]; NaN for a table.
     defect : str
         Why nothing can be found in it, or "".
     """
@@ -236,9 +237,15 @@ class Measured(NamedTuple):
     channel: str
     spectrum: Spectrum
     fine: Sequence[Spectrum]
-    shaft: float = 1.0
+    shift: float = 0.0
     rpm: float = np.nan
     defect: str = ""
+
+    def corrected(self) -> str:
+        """Say at which speed it was measured, if not at the stated one."""
+        if self.defect or not SETTINGS.rounded < abs(self.shift) <= self.spectrum.lines.slip:
+            return ""
+        return f" (at {self.rpm * (1 + self.shift):.0f} rpm, by the harmonics of the shaft)"
 
 
 def measured_spectra(
@@ -254,46 +261,56 @@ def measured_spectra(
     for index, recording in enumerate(as_recordings(X, "find_faults")):
         with located(partial(described, recording, index)):
             longest = longest_stroke(recording, top, channels, shortest=SETTINGS.shortest)
-            revolutions = min(SETTINGS.longest, longest)
-            recipe = bearing_recipe(parts, revolutions=revolutions, **options)
-            envelope = recipe[:2].fit_transform([recording])
-            over_angle = recipe[2].fit_transform(envelope)
-            lengths = (revolutions, *(min(length, longest) for length in SETTINGS.fine))
-            psds = (clone(recipe[3]).set_params(revolutions=length) for length in lengths)
-            tables = (psd.fit_transform(over_angle) for psd in psds)
-            paths, signals = recording.paths(), envelope[0].signals
+            recipe = bearing_recipe(parts, **options)
+            vibration = clone(recipe[2]).fit_transform([recording])
+            psd = recipe[3].set_params(revolutions=min(SETTINGS.fine[0], longest))
+            shift = _shift_of_shaft(psd.fit_transform(vibration), top, slip, channels)
+            paths = recording.paths()
             speed = sum(path.length for path in paths) / sum(path.n_times for path in paths)
             rpm = speed * recording.shaft_fs * 30 / np.pi
+            if SETTINGS.rounded < abs(shift) <= slip:
+                motion = (1 + shift) * getattr(recording, recording.reference)
+                options_of = {recording.reference: motion, "shaft_fs": recording.shaft_fs}
+                recording = Recording(recording.signals, recording.fs, **options_of)
+                longest = longest_stroke(recording, top, channels, shortest=1)
+            envelope = recipe[:2].fit_transform([recording])
+            over_angle = recipe[2].fit_transform(envelope)
+            lengths = [min(length, longest) for length in (SETTINGS.longest, *SETTINGS.fine)]
+            psds = (clone(psd).set_params(revolutions=length) for length in lengths)
+            tables = (psd.fit_transform(over_angle) for psd in psds)
             spectra = (_of_table(table, series, slip, channels) for table in tables)
-            vibration = clone(recipe[2]).fit_transform([recording])
-            psd = clone(recipe[3]).set_params(revolutions=min(SETTINGS.fine[0], longest))
-            shafts = _shaft_orders(psd.fit_transform(vibration), top, slip, channels)
             for found in zip(*spectra, strict=True):
                 channel = found[0][1]
-                mean = float(np.mean(signals[channel]))
+                mean = float(np.mean(envelope[0].signals[channel]))
                 spectrum, *fine = (each._replace(mean=mean) for *_, each in found)
-                about = shafts.get(channel, 1.0), rpm, _defect(recording, channel)
+                about = shift, rpm, _defect(recording, channel)
                 yield Measured(index, channel, spectrum, fine, *about)
 
 
-def _shaft_orders(table: Any, top: float, slip: float, channels: Any) -> dict[str, float]:
-    """Return the order at which the harmonics of the shaft are, by channel, where that is clear.
+def _shift_of_shaft(table: Any, top: float, slip: float, channels: Any) -> float:
+    """Return by which fraction the harmonics of the shaft are shifted; 0 where it is not clear.
 
-    Those that are farther from 1 than the slip must be higher by `named` than those within it.
+    They must be higher by `suspected` than those within `rounded`, and beyond the slip by `named`
+    than those within it.
     """
     widest = max(SETTINGS.speed_error, slip)
     n_lines = min(SETTINGS.shaft_lines, int(top / (1 + widest) - 0.1))
     if n_lines < 3:
-        return {}
-    series = (FaultSeries("shaft", tuple(map(float, range(1, n_lines + 1))), slips=True),)
-    found = {}
-    for _, channel, spectrum in _of_table(table, series, slip, channels):
-        lines = _line_levels(tuple(spectrum.lines.orders.tolist()), series, widest)
-        near, wide = (each.measure(spectrum.psd)[:2] for each in (spectrum.lines, lines))
-        level, shift = wide if wide[0] >= near[0] + SETTINGS.named else near
-        if level >= SETTINGS.shaft_height:
-            found[channel] = 1 + float(shift[0, 0])
-    return found
+        return 0.0
+    orders = np.arange(1.0, n_lines + 1)
+    shifts = np.linspace(-widest, widest, round(40 * widest / SETTINGS.rounded) + 1)
+    found = []
+    for *_, spectrum in _of_table(table, (FaultSeries("shaft", (1.0,), False),), slip, channels):
+        heights = np.maximum(spectrum.lines.heights(spectrum.psd)[0], 0.0)
+        lines = np.interp(np.outer(1 + shifts, orders), spectrum.lines.orders, heights)
+        levels, best = lines.mean(axis=1), len(shifts) // 2
+        margins = {SETTINGS.rounded: 0.0, slip: SETTINGS.suspected, widest: SETTINGS.named}
+        for reach, margin in margins.items():
+            other = np.where(np.abs(shifts) <= reach, levels, -np.inf).argmax()
+            best = int(other) if levels[other] >= levels[best] + margin else best
+        if levels[best] >= SETTINGS.shaft_height:
+            found.append(shifts[best])
+    return float(np.median(found or [0.0]))
 
 
 def _defect(recording: Recording, channel: str) -> str:

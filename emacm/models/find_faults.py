@@ -122,13 +122,16 @@ def find_faults(
     numbers are often told apart incompletely.
 
     A channel that is constant or clipped, has drop-outs, or at most three values is not assessed.
-    Nor is a recording whose speed, sampling rate or geometry is wrong, and the explanation states
-    the speed that would fit: without `healthy`, if the first harmonics of the shaft are
-    not at 1, 2, ... but together shifted by more than `slip` and up to 10 %, where their mean
-    height is 10 dB and 6 dB more than without this shift (recordings only); or if lines within
-    10 % of the predicted orders, but outside of `slip`, would be named, and are higher by 3 dB than
-    those within (by 6 dB if these would be named). Another shaft of nearly the same speed, or
-    harmonics of the mains, may be taken for the shaft: raise `slip` then.
+    Nor is a recording whose speed, sampling rate or geometry is wrong; the explanation then states
+    the speed that would fit. Without `healthy`, this is found by the harmonics of the shaft
+    (of recordings) or by the lines of a fault:
+
+    - The first six harmonics of the shaft, if their mean height is 10 dB or more, show an error of
+      the speed up to 10 %. Up to `slip` it is corrected, if they are then higher by 3 dB; from
+      there on the recording is not assessed, if they are higher by 6 dB. Another shaft of nearly
+      the same speed, or harmonics of the mains, may be taken for the shaft: raise `slip` then.
+    - Lines within 10 % of the predicted orders, but outside of `slip`, would be named, and are
+      higher by 3 dB than those within (by 6 dB if these would be named).
 
     Rolling elements are not synchronous with the shaft, so whole orders count as background for
     their lines (a loose part or a blade has lines there) unless a line is predicted there. The
@@ -178,7 +181,8 @@ def find_faults(
         limits = None if highest is None else highest[measured.channel]
         found = _Finding.of(measured, limits, false_alarm)
         row = {"recording": measured.number, "channel": measured.channel} | found.columns()
-        rows.append(row | {"calibrated": healthy is not None, "explanation": found.text})
+        text = found.text + measured.corrected()
+        rows.append(row | {"calibrated": healthy is not None, "explanation": text})
     return FaultTable(rows)
 
 
@@ -230,7 +234,7 @@ class _Finding(NamedTuple):
         error = None if healthy else _speed_error(measured.spectrum.wide(), faults, false_alarm)
         is_higher = error is not None and error.score >= best.score + margin
         is_error = error and is_higher and not fine[0].other_source(error)
-        is_shifted = not healthy and abs(measured.shaft - 1) > measured.spectrum.lines.slip + 1e-9
+        is_shifted = not healthy and abs(measured.shift) > measured.spectrum.lines.slip
         if is_shifted or is_error:
             text = f"not assessed: {_speed_text(measured, None if is_shifted else error)}"
             suspected = NONE if error is None else error.series.name
@@ -238,7 +242,7 @@ class _Finding(NamedTuple):
         reason = reason or ("" if healthy else fine[0].other_source(best))
         if not reason:
             names, text = [best.series.name], _sentence(best, faults)
-            beside = false_alarm, fine[0].lines, measured.shaft
+            beside = false_alarm, fine[0].lines
             while found := [f for s in fine if (f := s.further(names, *beside))]:
                 names.append(found[0].series.name)
                 text += f"; {_sentence(found[0], faults)}"
@@ -306,7 +310,7 @@ def _speed_error(
 
 def _speed_text(measured: Measured, fault: Fault | None) -> str:
     """State the speed or geometry that fits the lines of a fault, or else those of the shaft."""
-    factor = measured.shaft if fault is None else 1 + fault.slip
+    factor = 1 + (measured.shift if fault is None else fault.slip)
     text = f"harmonics of the shaft are at {factor:.3f} and multiples of it"
     if fault is not None:
         order, side = fault.series.orders[0], "above" if fault.slip > 0 else "below"

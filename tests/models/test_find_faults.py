@@ -103,18 +103,31 @@ def test_a_wrong_speed_is_noticed_and_the_right_one_is_stated(error):
     assert stated == pytest.approx(1800, rel=0.015)  # 0.7 % of slip
 
 
+def with_harmonics(run, factor=1.0):
+    """Add six harmonics of the shaft, and state a speed that is wrong by a factor."""
+    signal = run.signals["casing"] + sum(0.4 * np.sin(k * run.angle) for k in range(1, 7))
+    return Recording({"casing": signal}, FS, velocity=factor * run.velocity)
+
+
 @pytest.mark.parametrize("factor", [0.96, 1.04])
 def test_a_healthy_machine_at_a_wrong_speed_is_not_assessed(factor):
-    rng, t = np.random.default_rng(0), np.arange(5 * FS) / FS
-    velocity = TURN * (29 + 2 * np.sin(0.7 * t))
-    angle = np.cumsum(velocity) / FS
-    signal = rng.standard_normal(len(t)) + sum(0.3 * np.sin(k * angle) for k in range(1, 7))
-    runs = [Recording({"casing": signal}, FS, velocity=f * velocity) for f in (1.0, factor)]
-    right, wrong = find_faults(runs, BEARING).itertuples()
+    run = running()
+    right, wrong = find_faults([with_harmonics(run, f) for f in (1, factor)], BEARING).itertuples()
     assert (right.named, right.suspected) == ("none", "none")
     assert (wrong.named, wrong.suspected) == ("not assessed", "none")
     stated = float(re.search(r"harmonics of .* is the speed (\d+) rpm", wrong.explanation)[1])
-    assert stated == pytest.approx(60 * velocity.mean() / TURN, rel=0.003)
+    assert stated == pytest.approx(60 * run.velocity.mean() / TURN, rel=0.003)
+
+
+@pytest.mark.parametrize("factor", [0.981, 1.019])
+def test_a_small_error_of_the_speed_is_corrected(factor):
+    run = running("BPFI", strength=2)
+    right, wrong = find_faults([with_harmonics(run, f) for f in (1, factor)], BEARING).itertuples()
+    assert right.named == wrong.named == "BPFI"
+    assert "by the harmonics of the shaft" not in right.explanation
+    assert wrong.slip == pytest.approx(right.slip, abs=0.003)
+    stated = float(re.search(r"at (\d+) rpm, by the harmonics", wrong.explanation)[1])
+    assert stated == pytest.approx(60 * run.velocity.mean() / TURN, rel=0.003)
 
 
 def test_the_sentence_tells_the_sidebands_of_the_shaft():
