@@ -40,10 +40,7 @@ def execute(path, kernel, folder, recordings="."):
 
 
 def assert_runs_as_kept(path, *where):
-    """Run a notebook: nothing on stderr, and outputs as in the repository.
-
-    Their kinds are compared.
-    """
+    """Run a notebook: nothing on stderr, and outputs of the same kinds as in the repository."""
     again, kept = execute(path, *where), nbformat.read(path, as_version=4)
     assert "".join(o.text for o in outputs(again) if o.get("name") == "stderr") == ""
     for cell, cell_kept in zip(again.cells, kept.cells, strict=True):
