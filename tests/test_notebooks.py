@@ -1,6 +1,7 @@
 """The notebooks are committed with their pictures, and still run without a warning."""
 
 import json
+import os
 from pathlib import Path
 
 import nbformat
@@ -20,20 +21,27 @@ def outputs(notebook):
     return [output for cell in notebook.cells for output in cell.get("outputs", [])]
 
 
-def execute(path, folder):
-    """Run a notebook in a folder; return it with its outputs."""
-    notebook = nbformat.read(path, as_version=4)
-    resources = {"metadata": {"path": str(folder)}}
-    NotebookClient(notebook, timeout=600, resources=resources).execute()
+@pytest.fixture(scope="module")
+def kernel():
+    """One kernel for all notebooks: most of them import the same packages, for seconds."""
+    client = NotebookClient(nbformat.v4.new_notebook(), timeout=600)
+    with client.setup_kernel(env={k: v for k, v in os.environ.items() if k != "MPLBACKEND"}):
+        yield client
+
+
+def execute(path, kernel, folder, recordings="."):
+    """Run a notebook in a folder, without the names of another one; return it with its outputs."""
+    notebook = kernel.nb = nbformat.read(path, as_version=4)
+    fresh = f"%reset -f\n%cd -q {folder}\n%env EMACM_DATA={recordings}"
+    notebook.cells.insert(0, nbformat.v4.new_code_cell(fresh))
+    kernel.execute(cleanup_kc=False)
+    del notebook.cells[0]
     return notebook
 
 
-def assert_runs_as_kept(path, folder):
-    """Run a notebook: nothing on stderr, and outputs as in the repository.
-
-    Their kinds are compared.
-    """
-    again, kept = execute(path, folder), nbformat.read(path, as_version=4)
+def assert_runs_as_kept(path, *where):
+    """Run a notebook: nothing on stderr, and outputs of the same kinds as in the repository."""
+    again, kept = execute(path, *where), nbformat.read(path, as_version=4)
     assert "".join(o.text for o in outputs(again) if o.get("name") == "stderr") == ""
     for cell, cell_kept in zip(again.cells, kept.cells, strict=True):
         kinds, kinds_kept = (
@@ -79,31 +87,27 @@ def test_a_notebook_is_valid_and_its_cells_have_unique_ids(path):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # of the packages of the notebook server
 @pytest.mark.parametrize("path", SIMULATED, ids=lambda path: path.stem)
-def test_a_notebook_runs_and_warns_of_nothing(path, tmp_path, monkeypatch):
-    monkeypatch.delenv("MPLBACKEND", raising=False)
-    assert_runs_as_kept(path, tmp_path)
+def test_a_notebook_runs_and_warns_of_nothing(path, kernel, tmp_path):
+    assert_runs_as_kept(path, kernel, tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("path", **OF_REAL)
 def test_a_notebook_of_the_real_actuator_runs_with_its_recordings(
-    path, cranfield_file, tmp_path, monkeypatch
+    path, kernel, cranfield_file, tmp_path
 ):
-    monkeypatch.delenv("MPLBACKEND", raising=False)
-    monkeypatch.setenv("EMACM_DATA", str(cranfield_file.parents[1].resolve()))
-    assert_runs_as_kept(path, tmp_path)
+    assert_runs_as_kept(path, kernel, tmp_path, cranfield_file.parents[1].resolve())
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("path", **OF_REAL)
 def test_without_recordings_of_the_real_actuator_a_notebook_states_what_it_needs(
-    path, tmp_path, monkeypatch
+    path, kernel, tmp_path
 ):
-    monkeypatch.setenv("EMACM_DATA", str(tmp_path))
     with pytest.raises(CellExecutionError) as stopped:
-        execute(path, tmp_path)
+        execute(path, kernel, tmp_path, tmp_path)
     assert stopped.value.ename == "NoRecordings"
     assert "set EMACM_DATA to the folder that holds cranfield_ema/*.npz" in stopped.value.evalue
     assert "Traceback (most recent call last)" not in stopped.value.traceback

@@ -1,6 +1,6 @@
 """A simulated pump whose bearing wears out, measured into a CSV file that grows.
 
-    python wearing_pump.py live.csv [--seconds 300] [--factor 5]
+    python wearing_pump.py live.csv [--seconds 150] [--factor 5]
 
 Columns are those of `emacm example`: time, vibration and speed, 4,000 rows per second of the pump.
 The defect of the outer ring begins after a third of the time, and grows exponentially from a
@@ -44,7 +44,7 @@ def write_growing(table: pd.DataFrame, path: str, factor: float, block: float = 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("path", metavar="FILE")
-    parser.add_argument("--seconds", type=float, default=300.0, help="life of the pump [s]")
+    parser.add_argument("--seconds", type=float, default=150.0, help="life of the pump [s]")
     parser.add_argument("--factor", type=float, default=5.0, help="how much faster it is written")
     options = parser.parse_args()
     write_growing(wearing_pump(options.seconds), options.path, options.factor)

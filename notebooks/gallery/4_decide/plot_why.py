@@ -14,7 +14,7 @@ import emacm
 from emacm.displays import ContributionsDisplay
 from emacm.simulation import FAULT_ORDERS, simulate_fleet
 
-recordings, states, units = simulate_fleet(4, 3, severity=(0.3, 0.6), seed=1)
+recordings, states, units = simulate_fleet(4, 2, severity=(0.3, 0.6), seed=1)
 model = make_pipeline(
     emacm.OrderResampler(2 * np.pi / 64, channels=["accelerometer"], min_speed=1.0),
     emacm.OrderPSD(8),

@@ -15,7 +15,7 @@ from sklearn.preprocessing import FunctionTransformer
 import emacm
 from emacm.simulation import simulate_fleet
 
-training, states, units = simulate_fleet(8, 2, severity=(0.02, 0.3), seed=1)
+training, states, units = simulate_fleet(6, 2, severity=(0.02, 0.3), seed=1)
 model = make_pipeline(
     emacm.OrderResampler(2 * np.pi / 64, channels=["accelerometer"], min_speed=1.0),
     emacm.OrderPSD(8),
