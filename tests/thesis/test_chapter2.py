@@ -2,13 +2,10 @@
 
 import pytest
 
-from chapter2 import reproduce_chapter2
-
 
 @pytest.fixture(scope="module")
-def chapter():
-    said = []
-    chapter = reproduce_chapter2(quick=True, report=said.append)
+def chapter(quick_chapter):
+    chapter, said = quick_chapter(2)
     assert all(line.startswith("chapter 2: ") for line in said)
     return chapter
 
