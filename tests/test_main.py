@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import textwrap
 import time
 from pathlib import Path
 
@@ -101,20 +100,15 @@ def processes_of(group):
     return [row[2] for row in rows if row[0] == str(group) and not row[1].startswith("Z")]
 
 
-BUSY = textwrap.dedent("""
-    import sys, time
-    from joblib import Parallel, delayed
-    from emacm import demo
-    from emacm.__main__ import main
-
-    def busy(k):
-        print("busy", flush=True)
-        time.sleep(60)
-
-    # In place of its search, which takes longer to begin.
-    demo.simulated_demo = lambda out, n_jobs: Parallel(n_jobs)(map(delayed(busy), range(9)))
-    raise SystemExit(main(["demo", "--jobs", "2", "--out", sys.argv[1]]))
-""")
+BUSY = """
+import sys
+from joblib import Parallel, delayed
+from emacm import demo
+from emacm.__main__ import main
+task = delayed(exec)("import time; print('busy', flush=True); time.sleep(60)")
+demo.simulated_demo = lambda out, n_jobs: Parallel(n_jobs)(9 * [task])  # its search begins later
+raise SystemExit(main(["demo", "--jobs", "2", "--out", sys.argv[1]]))
+"""
 
 
 @pytest.mark.slow

@@ -266,10 +266,7 @@ def test_names_containers_clones_and_pickles():
     index = HealthIndex(0.2).set_output(transform="pandas").fit(frame, groups=np.arange(24) // 2)
     assert index.transform(frame + 1).columns.tolist() == ["health_index"]
     assert pickle.loads(pickle.dumps(index)).limit() == index.limit()
-    assert clone(index).get_params() == {
-        "false_alarm": 0.2,
-        "few_groups": "refuse",
-    }
+    assert clone(index).get_params() == {"false_alarm": 0.2, "few_groups": "refuse"}
 
 
 # From recordings

@@ -147,10 +147,7 @@ def test_costs_and_priors_of_the_command_are_in_the_saved_model(here):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (
-            ["--healthy", "good"],
-            "--healthy must name the healthy state",
-        ),
+        (["--healthy", "good"], "--healthy must name the healthy state"),
         (["--labels", "condition"], "its meta has no 'condition'"),
         (["--priors", "x"], "--priors must be 'uniform'"),
         (["--max-order", "-3"], "--max-order: expected a number above 0"),
@@ -168,17 +165,7 @@ def test_an_invalid_command_is_status_2_and_one_line(here, capsys, options, mess
 @pytest.mark.parametrize(
     "arguments",
     [
-        [
-            "train",
-            "layout.toml",
-            "files",
-            "--labels",
-            "state",
-            "--groups",
-            "u",
-            "--out",
-            "none/model.emacm",
-        ],
+        ["train", "layout.toml", "files", "--labels", "s", "--groups", "u", "--out", "none/model"],
         ["score", "model.emacm", "files", "--layout", "layout.toml", "--out", "none/table.csv"],
         ["trend", "files", "files", "--layout", "layout.toml", "--out", "none/trend.csv"],
         ["inspect", "run.csv", "--draft", "none/layout.toml"],

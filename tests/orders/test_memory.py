@@ -7,12 +7,7 @@ import pytest
 from peak_memory import peak_bytes
 from sklearn.pipeline import make_pipeline
 
-from emacm import (
-    BinTransformer,
-    OrderPSD,
-    OrderResampler,
-    Recording,
-)
+from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
 from emacm._kernels import using
 
 FS = 10_000
