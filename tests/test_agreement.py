@@ -63,7 +63,7 @@ GAIN = pd.DataFrame(
 
 
 @pytest.mark.slow
-@settings(max_examples=30)
+@settings(max_examples=10)
 @given(cost_tables, st.sampled_from([-2.0, 0.0, 3.0]))
 @example(GAIN, 0.0)
 @example(GAIN, 3.0)

@@ -20,13 +20,13 @@ from emacm.recordings.inputs import run
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("default")]  # of the schedulers
 
-FS, N_TIMES, N_FILES = 12_000.0, 120_000, 20
+FS, N_TIMES, N_FILES = 12_000.0, 48_000, 20
 GRID = {"orderpsd__revolutions": [8], "bintransformer__bin_size": [1.0, 2.5]}
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Write 58 MB: three columns of 10 s, five units, the worn ones with a line at order 3.58."""
+    """Write 23 MB: three columns of 4 s, five units, the worn ones with a line at order 3.58."""
     path = tmp_path_factory.mktemp("files")
     rng = np.random.default_rng(8)
     speed = 150 + 20 * np.sin(np.arange(N_TIMES) / FS)
@@ -96,7 +96,7 @@ def unreadable_here(monkeypatch):
     monkeypatch.setattr(FileRecording, "_read", refuse)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def dask_client():
     distributed = pytest.importorskip("distributed", reason="needs dask[distributed]")
     options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}

@@ -156,7 +156,11 @@ def _viable(detection: pd.DataFrame, varied: pd.DataFrame) -> Verdict:
 def _inputs(extent: Extent5) -> pd.DataFrame:
     n_healthy, n_growing = extent.trend_runs
     rows = [
-        ("condition", f"{CONDITION}, 3 s at 12 kHz", "every fault has an effect in it; assumed"),
+        (
+            "condition",
+            f"{CONDITION}, {extent.duration:g} s at 12 kHz",
+            "every fault has an effect in it; assumed",
+        ),
         (
             "features",
             f"log10 of the power in bins up to order {MAX_ORDER}: of one order to isolate, of a "

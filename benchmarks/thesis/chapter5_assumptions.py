@@ -53,9 +53,10 @@ def varied_table(*, quick: bool, n_jobs: int | None) -> pd.DataFrame:
 
 def _correct(*, quick: bool, n_jobs: int | None, **spreads: float) -> dict[str, str]:
     campaigns = []
-    for seed in range(2 if quick else 3):
-        healthy, degraded = thesis_benches(seed=seed, duration=2.0, **spreads)
-        benches, n_runs = (healthy, replace(healthy, faults=degraded.faults)), 6 if quick else 10
+    n_pairs, n_runs, duration = (2, 6, 0.6) if quick else (3, 10, 2.0)
+    for seed in range(n_pairs):
+        healthy, degraded = thesis_benches(seed=seed, duration=duration, **spreads)
+        benches = (healthy, replace(healthy, faults=degraded.faults))
         campaigns.append(
             run_campaign(benches, conditions=(CONDITION,), n_runs=n_runs, n_jobs=n_jobs)
         )

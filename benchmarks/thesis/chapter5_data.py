@@ -24,7 +24,7 @@ CONDITION = 4  # strokes past the jam, under a load that changes its sign: every
 MAX_ORDER = 48
 PHASES = ("current_a", "current_b", "current_c")
 _REVOLUTIONS = 8  # the cage turns 0.39 times per revolution
-_OPTIONS: dict[str, Any] = {"duration": 3.0, "fs": 12_000.0, "cutoff": 5000.0, "phases": "abc"}
+_OPTIONS: dict[str, Any] = {"fs": 12_000.0, "cutoff": 5000.0, "phases": "abc"}
 _TESTED, _CALIBRATION = 1000, 2000  # first numbers of the units
 
 
@@ -49,6 +49,8 @@ class Extent5(NamedTuple):
         Healthy runs of the baseline, and runs during which the fault grows.
     pairs : tuple of (str, str)
         Faults of severity 0.7 that some units have together.
+    duration : float
+        Length of a recording [s].
     """
 
     n_training: int
@@ -60,6 +62,7 @@ class Extent5(NamedTuple):
     trend_faults: tuple[str, ...]
     trend_runs: tuple[int, int]
     pairs: tuple[tuple[str, str], ...] = ()
+    duration: float = 3.0
 
 
 FULL = Extent5(
@@ -73,9 +76,9 @@ FULL = Extent5(
     (20, 20),
     (("inner ring", "screw"), ("backlash", "lubrication"), ("ball", "phase imbalance")),
 )
-QUICK = Extent5(8, 12, 3, 2, (0.1, 0.4, 1.0), 2, ("jam",), (8, 10), (("inner ring", "screw"),))
+QUICK = Extent5(8, 8, 3, 2, (0.1, 1.0), 2, ("jam",), (8, 4), (("inner ring", "screw"),))
 VARIED = Extent5(20, 40, 4, 1, (1.0,), 0, (), (0, 0))
-VARIED_QUICK = Extent5(6, 6, 1, 1, (1.0,), 0, (), (0, 0))
+VARIED_QUICK = Extent5(4, 4, 1, 1, (1.0,), 0, (), (0, 0), duration=1.5)
 
 
 class Features(NamedTuple):
@@ -132,7 +135,7 @@ def severity_of_run(run: int, n_runs: int) -> float:
 
 def planned_runs(extent: Extent5, **spreads: float) -> list[tuple[str, LaboratoryBench, int]]:
     """Return role, bench and run of each recording; `spreads` are parameters of the bench."""
-    options = _OPTIONS | spreads
+    options = _OPTIONS | {"duration": extent.duration} | spreads
     runs: list[tuple[str, LaboratoryBench, int]] = []
     groups = (
         ("training", 0, extent.n_training),

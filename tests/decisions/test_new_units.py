@@ -133,7 +133,7 @@ def test_densities_of_a_unit_are_those_of_scipy():
 @pytest.mark.parametrize("crossed", [False, True])
 def test_sets_of_50_units_cover_90_percent(crossed):
     between, found = 3 * WITHIN + BETWEEN, []
-    for seed in range(60):
+    for seed in range(30):
         X, y, units = fleet(50, 6, seed, between, crossed)
         fitted = NewUnitClassifier(priors="uniform").fit(X, y, groups=units)
         codes = np.arange(240) % 3

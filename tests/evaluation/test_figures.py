@@ -90,7 +90,7 @@ def test_costs_in_service_weight_the_classes_by_the_priors_of_the_classifier():
 @pytest.mark.slow
 def test_a_calibrated_classifier_pays_what_it_predicts():
     rng = np.random.default_rng(4)
-    y = rng.choice(["new", "worn"], 6000, p=[0.7, 0.3])
+    y = rng.choice(["new", "worn"], 3000, p=[0.7, 0.3])
     X = rng.normal(1.5 * (y == "worn")[:, np.newaxis], 1.0)
     cost = COST | {("inspect", "new"): 0.5, ("inspect", "worn"): 0.5}
     model = CostSensitiveGaussianBayes(cost, covariance="tied")

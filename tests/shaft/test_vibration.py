@@ -1,6 +1,7 @@
 """Shaft angle from vibration: right where it is reliable, and refused where there is no shaft."""
 
 import os
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -128,14 +129,18 @@ def test_a_signal_without_a_shaft_is_refused(name, orders, speeds):
         angle_from_vibration(NO_SHAFT[name](), FS, speeds=speeds, orders=orders)
 
 
+@lru_cache
+def reversing(condition):
+    return LaboratoryBench(unit=3, duration=8.0, fs=FS, cutoff=4500.0).record(condition)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("channel", ["accelerometer", "current_a"])
 @pytest.mark.parametrize("orders", [None, [6, 12, 18]])
 @pytest.mark.parametrize("condition", [2, 3, 4, 5])
 def test_a_shaft_that_reverses_all_the_time_is_refused(condition, orders, channel):
     # It repeats its motion at 0.4 to 2.1 Hz and has lines at all multiples of that.
-    bench = LaboratoryBench(unit=3, duration=8.0, fs=FS, cutoff=4500.0)
-    recording = bench.record(condition)
+    recording = reversing(condition)
     top = np.abs(recording.velocity).max()
     signal = recording.signals[channel]
     for low, high in ((0.3, 0.44), (0.8, 1.15)) if orders is None else ((0.3, 1.5),):

@@ -2,15 +2,12 @@
 
 import pytest
 
-from chapter2 import reproduce_chapter2
-
 pytestmark = pytest.mark.slow  # the whole chapter is computed and drawn
 
 
 @pytest.fixture(scope="module")
-def chapter():
-    said = []
-    chapter = reproduce_chapter2(quick=True, report=said.append)
+def chapter(quick_chapter):
+    chapter, said = quick_chapter(2)
     assert all(line.startswith("chapter 2: ") for line in said)
     return chapter
 

@@ -2,7 +2,6 @@
 
 import pytest
 
-from chapter3 import reproduce_chapter3
 from chapter3_readings import NO_LOW_HZ
 
 pytestmark = pytest.mark.slow
@@ -17,9 +16,8 @@ DISAGREE = {
 
 
 @pytest.fixture(scope="module")
-def chapter():
-    said = []
-    chapter = reproduce_chapter3(quick=True, report=said.append)
+def chapter(quick_chapter):
+    chapter, said = quick_chapter(3)
     assert said == [*(f"chapter 3: draw {n} of 3" for n in (1, 2, 3)), "chapter 3: pictures"]
     return chapter
 
