@@ -90,11 +90,11 @@ def check_table(values: Any) -> None:
 
 def check_finite(array: NDArray[np.floating], name: str) -> None:
     """Raise a ValueError with the place of the first NaN or infinity in a 1-D array."""
-    # One pass without an array of truth values; squares of large numbers may overflow.
-    if not np.isfinite(array @ array) and not np.isfinite(array).all():
-        index = int(np.argmin(np.isfinite(array)))
+    is_finite = np.isfinite(array)
+    if not is_finite.all():
+        index = int(np.argmin(is_finite))
         text = f"{name} must be finite, got {array[index]} at sample {index}"
-        if index == 0 and not np.isfinite(array).any():
+        if not is_finite.any():
             raise ValueError(f"{text}, and has no value at all. Leave it out.")
         raise ValueError(f"{text}. Cut the recording before it, or repair the gap.")
 
