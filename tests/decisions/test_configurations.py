@@ -11,11 +11,10 @@ pytestmark = pytest.mark.slow
 CONFIGURATIONS = [CostSensitiveGaussianBayes(priors="uniform")] + [
     CostSensitiveGaussianBayes(covariance=covariance, shrinkage=shrinkage)
     for covariance in ("full", "tied", "diag")
-    for shrinkage in (None, 0, "oas", "auto")
+    for shrinkage in (None, 0, "oas")  # "auto" below
 ]
 OLD_CHECKS = sklearn.__version__.startswith("1.6.")  # they draw other recordings
 SINGULAR = "its recordings have singular covariances, which are an error with any shrinkage"
-WEIGHTS = 'its recordings have weights, which shrinkage="auto" refuses'
 
 
 def expected_failures(model):
@@ -30,11 +29,6 @@ def expected_failures(model):
     if shrinkage == 0 and not tied and OLD_CHECKS and model.covariance == "full":
         failures["check_n_features_in_after_fitting"] = SINGULAR
         failures["check_dtype_object"] = SINGULAR
-    if shrinkage == "auto":
-        names = ["list", "shape", "not_overwritten"]
-        failures = {f"check_sample_weights_{name}": WEIGHTS for name in names}
-        failures["check_sample_weight_equivalence_on_dense_data"] = WEIGHTS
-        failures["check_classifiers_one_label_sample_weights"] = WEIGHTS
     return failures
 
 
