@@ -298,12 +298,13 @@ def _shift_of_shaft(table: Any, top: float, slip: float, channels: Any) -> float
     if n_lines < 3:
         return 0.0
     orders = np.arange(1.0, n_lines + 1)
-    shifts = np.linspace(-widest, widest, round(40 * widest / SETTINGS.rounded) + 1)
+    n_shifts = round(20 * widest / SETTINGS.rounded)
+    shifts = widest / n_shifts * np.arange(-n_shifts, n_shifts + 1)
     found = []
     for *_, spectrum in _of_table(table, (FaultSeries("shaft", (1.0,), False),), slip, channels):
         heights = np.maximum(spectrum.lines.heights(spectrum.psd)[0], 0.0)
         lines = np.interp(np.outer(1 + shifts, orders), spectrum.lines.orders, heights)
-        levels, best = lines.mean(axis=1), len(shifts) // 2
+        levels, best = lines.mean(axis=1), n_shifts
         margins = {SETTINGS.rounded: 0.0, slip: SETTINGS.suspected, widest: SETTINGS.named}
         for reach, margin in margins.items():
             other = np.where(np.abs(shifts) <= reach, levels, -np.inf).argmax()

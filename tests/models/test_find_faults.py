@@ -118,6 +118,11 @@ def test_a_healthy_machine_at_a_wrong_speed_is_not_assessed(factor):
     assert stated == pytest.approx(60 * run.velocity.mean() / TURN, rel=0.003)
 
 
+def test_without_slip_an_error_of_the_speed_that_is_rounding_changes_nothing():
+    run = with_harmonics(running("BPFO", slip=0.0), 1.001)
+    assert find_faults([run], BEARING, slip=0.0)["named"][0] == "BPFO"
+
+
 @pytest.mark.parametrize("factor", [0.981, 1.019])
 def test_a_small_error_of_the_speed_is_corrected(factor):
     run = running("BPFI", strength=2)
