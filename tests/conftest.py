@@ -41,6 +41,11 @@ def pytest_collection():
         gc.freeze()
 
 
+def pytest_collection_modifyitems(items):
+    """Begin with the longest tests, so that no worker waits for them at the end."""
+    items.sort(key=lambda item: item.path.name not in ("test_site.py", "test_notebooks.py"))
+
+
 @pytest.fixture(autouse=True)
 def closed_figures():
     """Close the figures of a test; pyplot warns of more than 20."""
