@@ -290,8 +290,7 @@ def measured_spectra(
 def _shift_of_shaft(table: Any, top: float, slip: float, channels: Any) -> float:
     """Return by which fraction the harmonics of the shaft are shifted; 0 where it is not clear.
 
-    They must be higher by `suspected` than those within `rounded`, and beyond the slip by `named`
-    than those within it.
+    Beyond `rounded`, and beyond the slip, they must be higher by `named` than within.
     """
     widest = max(SETTINGS.speed_error, slip)
     n_lines = min(SETTINGS.shaft_lines, int(top / (1 + widest) - 0.1))
@@ -304,13 +303,13 @@ def _shift_of_shaft(table: Any, top: float, slip: float, channels: Any) -> float
     for *_, spectrum in _of_table(table, (FaultSeries("shaft", (1.0,), False),), slip, channels):
         heights = np.maximum(spectrum.lines.heights(spectrum.psd)[0], 0.0)
         lines = np.interp(np.outer(1 + shifts, orders), spectrum.lines.orders, heights)
-        levels, best = lines.mean(axis=1), n_shifts
-        margins = {SETTINGS.rounded: 0.0, slip: SETTINGS.suspected, widest: SETTINGS.named}
-        for reach, margin in margins.items():
-            other = np.where(np.abs(shifts) <= reach, levels, -np.inf).argmax()
-            best = int(other) if levels[other] >= levels[best] + margin else best
-        if levels[best] >= SETTINGS.shaft_height:
-            found.append(shifts[best])
+        levels, level, shift = lines.mean(axis=1), -np.inf, 0.0
+        for reach in (SETTINGS.rounded, slip, widest):
+            best = np.where(np.abs(shifts) <= reach, levels, -np.inf).argmax()
+            if levels[best] >= level + SETTINGS.named:
+                level, shift = levels[best], shifts[best]
+        if level >= SETTINGS.shaft_height:
+            found.append(shift)
     return float(np.median(found or [0.0]))
 
 

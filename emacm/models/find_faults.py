@@ -126,10 +126,10 @@ def find_faults(
     the speed that would fit. Without `healthy`, this is found by the harmonics of the shaft
     (of recordings) or by the lines of a fault:
 
-    - The first six harmonics of the shaft, if their mean height is 10 dB or more, show an error of
-      the speed up to 10 %. Up to `slip` it is corrected, if they are then higher by 3 dB; from
-      there on the recording is not assessed, if they are higher by 6 dB. Another shaft of nearly
-      the same speed, or harmonics of the mains, may be taken for the shaft: raise `slip` then.
+    - The first six harmonics of the shaft, if their mean height is 10 dB or more and 6 dB more than
+      at the stated speed, show an error up to 10 %. Up to `slip` the speed is corrected, from there
+      on the recording is not assessed. Another shaft of nearly the same speed, or harmonics of the
+      mains, may be taken for the shaft: raise `slip` then.
     - Lines within 10 % of the predicted orders, but outside of `slip`, would be named, and are
       higher by 3 dB than those within (by 6 dB if these would be named).
 
