@@ -363,6 +363,32 @@ def wrong_speeds(rigs: dict[str, tuple[Runs, Bearing]]) -> list[dict[str, Any]]:
     return rows
 
 
+def without_answer(runs: Runs, bearing: Bearing) -> dict[str, float]:
+    """Return the share of recordings, made unusable, that are refused or "not assessed"."""
+    changes: dict[str, Callable[[NDArray[Any]], NDArray[Any]]] = {
+        "zeros": lambda x: 0 * x,
+        "constant": lambda x: 0 * x + 2.5,
+        "three quarters zeros": lambda x: np.where(np.arange(len(x)) < len(x) / 4, x, 0),
+        "clipped": lambda x: np.clip(x, *np.percentile(x, (5, 95))),
+        "three values": lambda x: np.sign(x) * (np.abs(x) > x.std()),
+        "8 revolutions": lambda x: x,
+    }
+    shares = {}
+    for name, change in changes.items():
+        refused = 0
+        for run in runs:
+            turn = 2 * np.pi / run.velocity.mean()
+            x = change(run.signals[CHANNEL])
+            changed = Recording({CHANNEL: x}, run.fs, velocity=run.velocity)
+            changed = changed.cut(0, 8 * turn) if name == "8 revolutions" else changed
+            try:
+                refused += find_faults([changed], bearing)["named"][0] == "not assessed"
+            except ValueError:  # it is too short
+                refused += 1
+        shares[name] = refused / len(runs)
+    return shares
+
+
 # Several faults
 
 
@@ -481,6 +507,8 @@ def measured_accuracy(folder: Path, every: int) -> list[dict[str, Any]]:
         rigs |= {"UESTC, nominal": (nominal, UESTC), "UESTC, comb": (combed, UESTC)}
         named = named_by_rig(rigs)
         named += wrong_speeds({rig: each for rig, each in rigs.items() if rig != "UESTC, nominal"})
+        print("\nMFPT without an answer: share refused or not assessed")
+        print(table([without_answer(*rigs["MFPT"])]))
         trained = accuracy(drive, fan, 500 // every)
         print("\nbalanced accuracy, 3 classes (chance 0.33)")
         print(table(trained))
