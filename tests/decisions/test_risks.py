@@ -23,8 +23,9 @@ def plain_decision(posterior, cost):
 
 
 def posteriors(n_classes):
-    # Ties, near ties, and gaps where the posterior of all but one class is 0 or nearly so.
-    gaps = [0.0, -1e-15, -1e-10, -1e-6, -0.5, -1.0, -36.0, -40.0, -700.0, -740.0, -1e5, -np.inf]
+    # Ties, near ties, and gaps where the posterior of all but one class is 0 or nearly so. Below
+    # exp(-708) a number has few digits, and equal risks may differ by more than rounding.
+    gaps = [0.0, -1e-15, -1e-10, -1e-6, -0.5, -1.0, -36.0, -40.0, -700.0, -1e5, -np.inf]
     row = st.lists(st.sampled_from(gaps), min_size=n_classes, max_size=n_classes)
     finite = row.filter(lambda values: max(values) > -np.inf)
     return st.lists(finite, min_size=1, max_size=8).map(normalised)
