@@ -226,9 +226,9 @@ class Measured(NamedTuple):
         Of segments for the average, and of longer ones.
     shift : float
         Fraction by which the harmonics of the shaft are shifted: not 0 if the speed is wrong.
-        Within the slip, the spectra are those of the speed that they show.
+        Within the slip, speed and spectra are corrected by it.
     rpm : float
-        Stated speed [1/min]; NaN for a table.
+        Speed [1/min]; NaN for a table.
     defect : str
         Why nothing can be found in it, or "".
     """
@@ -243,9 +243,9 @@ class Measured(NamedTuple):
 
     def corrected(self) -> str:
         """Say at which speed it was measured, if not at the stated one."""
-        if self.defect or not SETTINGS.rounded < abs(self.shift) <= self.spectrum.lines.slip:
+        if self.defect or not 0 < abs(self.shift) <= self.spectrum.lines.slip:
             return ""
-        return f" (at {self.rpm * (1 + self.shift):.0f} rpm, by the harmonics of the shaft)"
+        return f" (speed corrected to {self.rpm:.0f} rpm by the harmonics of the shaft)"
 
 
 def measured_spectra(
@@ -265,14 +265,14 @@ def measured_spectra(
             vibration = clone(recipe[2]).fit_transform([recording])
             psd = recipe[3].set_params(revolutions=min(SETTINGS.fine[0], longest))
             shift = _shift_of_shaft(psd.fit_transform(vibration), top, slip, channels)
-            paths = recording.paths()
-            speed = sum(path.length for path in paths) / sum(path.n_times for path in paths)
-            rpm = speed * recording.shaft_fs * 30 / np.pi
-            if SETTINGS.rounded < abs(shift) <= slip:
+            if 0 < abs(shift) <= slip:
                 motion = (1 + shift) * getattr(recording, recording.reference)
                 options_of = {recording.reference: motion, "shaft_fs": recording.shaft_fs}
                 recording = Recording(recording.signals, recording.fs, **options_of)
                 longest = longest_stroke(recording, top, channels, shortest=1)
+            paths = recording.paths()
+            speed = sum(path.length for path in paths) / sum(path.n_times for path in paths)
+            rpm = speed * recording.shaft_fs * 30 / np.pi
             envelope = recipe[:2].fit_transform([recording])
             over_angle = recipe[2].fit_transform(envelope)
             lengths = [min(length, longest) for length in (SETTINGS.longest, *SETTINGS.fine)]
@@ -288,9 +288,10 @@ def measured_spectra(
 
 
 def _shift_of_shaft(table: Any, top: float, slip: float, channels: Any) -> float:
-    """Return by which fraction the harmonics of the shaft are shifted; 0 where it is not clear.
+    """Return by which fraction the harmonics of the shaft are shifted.
 
-    Beyond `rounded`, and beyond the slip, they must be higher by `named` than within.
+    It is 0 if they are not clear, or shifted by `rounded` at most. Beyond that, and beyond the
+    slip, they must be higher by `named` than within.
     """
     widest = max(SETTINGS.speed_error, slip)
     n_lines = min(SETTINGS.shaft_lines, int(top / (1 + widest) - 0.1))
@@ -310,7 +311,8 @@ def _shift_of_shaft(table: Any, top: float, slip: float, channels: Any) -> float
                 level, shift = levels[best], shifts[best]
         if level >= SETTINGS.shaft_height:
             found.append(shift)
-    return float(np.median(found or [0.0]))
+    shift = float(np.median(found or [0.0]))
+    return shift if abs(shift) > SETTINGS.rounded else 0.0
 
 
 def _defect(recording: Recording, channel: str) -> str:

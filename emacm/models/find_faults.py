@@ -233,10 +233,8 @@ class _Finding(NamedTuple):
         margin = SETTINGS.suspected if reason else SETTINGS.named
         error = None if healthy else _speed_error(measured.spectrum.wide(), faults, false_alarm)
         is_higher = error is not None and error.score >= best.score + margin
-        is_error = error and is_higher and not fine[0].other_source(error)
-        reach = max(measured.spectrum.lines.slip, SETTINGS.rounded)
-        is_shifted = not healthy and abs(measured.shift) > reach
-        if is_shifted or is_error:
+        is_shifted = not healthy and abs(measured.shift) > measured.spectrum.lines.slip
+        if is_shifted or (error is not None and is_higher and not fine[0].other_source(error)):
             text = f"not assessed: {_speed_text(measured, None if is_shifted else error)}"
             suspected = NONE if error is None else error.series.name
             return cls(faults, NOT_ASSESSED, suspected, error or best, text)

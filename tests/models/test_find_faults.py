@@ -130,8 +130,16 @@ def test_a_small_error_of_the_speed_is_corrected(factor):
     assert right.named == wrong.named == "BPFI"
     assert "by the harmonics of the shaft" not in right.explanation
     assert wrong.slip == pytest.approx(right.slip, abs=0.003)
-    stated = float(re.search(r"at (\d+) rpm, by the harmonics", wrong.explanation)[1])
+    stated = float(re.search(r"corrected to (\d+) rpm by the harmonics", wrong.explanation)[1])
     assert stated == pytest.approx(60 * run.velocity.mean() / TURN, rel=0.003)
+
+
+def test_a_wrong_geometry_is_stated_by_the_corrected_speed():
+    run = with_harmonics(running("BPFO", slip=0.0), 0.985)
+    found = find_faults([run], {"BPFO": ORDERS["BPFO"] / 1.05, "other": 5.1}).iloc[0]
+    assert (found["named"], found["suspected"]) == ("not assessed", "BPFO")
+    asked = float(re.search(r"is the speed (\d+) rpm", found["explanation"])[1])
+    assert asked == pytest.approx(1.05 * 60 * running().velocity.mean() / TURN, rel=0.005)
 
 
 def test_the_sentence_tells_the_sidebands_of_the_shaft():
