@@ -365,28 +365,31 @@ def wrong_speeds(rigs: dict[str, tuple[Runs, Bearing]]) -> list[dict[str, Any]]:
 
 def without_answer(runs: Runs, bearing: Bearing) -> dict[str, float]:
     """Return the share of recordings, made unusable, that are refused or "not assessed"."""
-    changes: dict[str, Callable[[NDArray[Any]], NDArray[Any]]] = {
-        "zeros": lambda x: 0 * x,
-        "constant": lambda x: 0 * x + 2.5,
-        "three quarters zeros": lambda x: np.where(np.arange(len(x)) < len(x) / 4, x, 0),
-        "clipped": lambda x: np.clip(x, *np.percentile(x, (5, 95))),
-        "three values": lambda x: np.sign(x) * (np.abs(x) > x.std()),
-        "8 revolutions": lambda x: x,
+
+    def samples(change: Callable[[NDArray[Any]], NDArray[Any]]) -> Callable[..., Recording]:
+        return lambda run: Recording(
+            {CHANNEL: change(run.signals[CHANNEL])}, run.fs, velocity=run.velocity
+        )
+
+    changes: dict[str, Callable[[Recording], Recording]] = {
+        "zeros": samples(lambda x: 0 * x),
+        "constant": samples(lambda x: 0 * x + 2.5),
+        "three quarters zeros": samples(lambda x: np.where(np.arange(len(x)) < len(x) / 4, x, 0)),
+        "clipped": samples(lambda x: np.clip(x, *np.percentile(x, (5, 95)))),
+        "three values": samples(lambda x: np.sign(x) * (np.abs(x) > x.std())),
+        "8 revolutions": lambda run: run.cut(0, 8 * 2 * np.pi / run.velocity.mean()),
     }
-    shares = {}
-    for name, change in changes.items():
-        refused = 0
-        for run in runs:
-            turn = 2 * np.pi / run.velocity.mean()
-            x = change(run.signals[CHANNEL])
-            changed = Recording({CHANNEL: x}, run.fs, velocity=run.velocity)
-            changed = changed.cut(0, 8 * turn) if name == "8 revolutions" else changed
-            try:
-                refused += find_faults([changed], bearing)["named"][0] == "not assessed"
-            except ValueError:  # it is too short
-                refused += 1
-        shares[name] = refused / len(runs)
-    return shares
+
+    def is_refused(run: Recording) -> bool:
+        try:
+            return find_faults([run], bearing)["named"][0] == "not assessed"
+        except ValueError:
+            return True
+
+    return {
+        name: float(np.mean([is_refused(change(run)) for run in runs]))
+        for name, change in changes.items()
+    }
 
 
 # Several faults
