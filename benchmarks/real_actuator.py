@@ -22,10 +22,8 @@ those "with phase" hold for the same assemblies only. Without phase, no feature 
 shaft angle of the 1x component, as the control at the end shows (`actuator_control`). The phase
 of 1x in reverse strokes relative to forward ones is used, and may be assembly-specific too.
 
-The other methods have no unknown state, so the one of `actuator_recipe` is switched off here. With
-it, trained on runs 1 to 4 and tested on runs 5 to 7 per load, balanced accuracies of states and of
-families are the same to three digits; 2 % of the recordings of an unseen state, and 4 % of those of
-a load that was not in training, are decided to be unknown (`unknown.py` measures it in full).
+The other methods have no unknown state, so the one of `actuator_recipe` is switched off here:
+`unknown.py` measures it.
 
     python benchmarks/real_actuator.py [--train FILE] [--test FILE | --train-runs 4] [--json [FILE]]
         [--quick]

@@ -16,7 +16,7 @@ from typing import NoReturn
 from emacm._version import __version__
 from emacm.commands.parsers import add_jobs, add_parsers
 
-_INTERRUPTED = 130  # exit code, as of a shell
+_INTERRUPTED, _NO_READER = 130, 141  # exit codes, as of a shell
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -30,8 +30,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 if it succeeded, 2 for invalid input, 130 if it was interrupted (SIGINT or SIGTERM);
-        for ``score``, 1 if a decision of ``--fail-on`` was made, and 3 if files failed.
+        0 if it succeeded, 2 for invalid input, 130 if it was interrupted (SIGINT or SIGTERM), 141
+        if the program that reads the output has ended; for ``score``, 1 if a decision of
+        ``--fail-on`` was made, and 3 if files failed.
     """
     parser = _parser()
     try:
@@ -41,7 +42,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         elif others:
             parser.error(f"unrecognized arguments: {' '.join(others)}")
         with _signals_as_interruption():
-            return options.run(options) or 0
+            status = options.run(options) or 0
+            sys.stdout.flush()
+            return status
+    except BrokenPipeError:  # the reader of the output, such as `head`, has ended
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what is left at exit
+        return _NO_READER
     except (ImportError, OSError, TypeError, ValueError) as error:
         print(f"emacm: {_stated(error)}", file=sys.stderr)
         return 2

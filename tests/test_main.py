@@ -91,6 +91,18 @@ def test_the_version_is_printed_under_the_name_of_the_command(capsys, monkeypatc
         assert printed.startswith(f"emacm {__version__}\nusage: {name} [-h]")
 
 
+def test_a_reader_of_the_output_that_has_ended_is_no_error():
+    program = (
+        "import sys; from emacm.__main__ import main; sys.stdin.read(); sys.exit(main(['schema']))"
+    )
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", program], **pipes) as process:
+        process.stdout.close()
+        process.stdin.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 141
+
+
 def processes_of(group):
     """Return the commands of the living processes of a process group."""
     listed = subprocess.run(
