@@ -115,9 +115,6 @@ class TypicalitySettings:
         Degrees of freedom of the expected variance of a feature.
     resolution : float
         Squared distance, in standard deviations, below which all recordings are equally near.
-    raised : float
-        Standard deviations by which a state raises the features of its lines above another state.
-        ``python benchmarks/two_faults.py`` chose it and `second_rate` by seeds 0 to 5.
     second_rate : float
         Share of the left-out recordings with lines of a second state.
     """
@@ -130,7 +127,6 @@ class TypicalitySettings:
     large: float = 3.0
     n_moderating: float = 3.0
     resolution: float = 1e-3
-    raised: float = 2.0
     second_rate: float = 0.02
 
 
@@ -207,8 +203,7 @@ class ClassDistances:
         -------
         ndarray of shape (n_classes, n_features)
         """
-        excess = self.means - self.means[code]
-        return np.where(excess > self.settings.raised * self.deviations, excess, 0.0)
+        return np.clip(self.means - self.means[code], 0.0, None)
 
     def beyond_class(self, X: Array, codes: Indices) -> tuple[Array, Indices]:
         """Return how far recordings are from their class towards a second fault.

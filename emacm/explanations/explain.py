@@ -388,10 +388,10 @@ def _of_second_state(
     own, other = map(classifier.classes_.tolist().index, (decision, second))
     distances = classifier.distances_
     mean, spread = distances.means[own], distances.deviations
-    sigmas = np.where(distances.raised(own)[other], traced.positions[0] - mean, 0.0) / spread
+    parts = distances.raised(own)[other] * (traced.positions[0] - mean) / spread**2
     table = traced.bins.join(find_deviations(traced, mean, spread))
-    order = np.argsort(-sigmas, kind="stable")[:3]
-    listed = order[sigmas[order] > max(sigmas.max() / 2, 0.0)]
+    order = np.argsort(-parts, kind="stable")[:3]
+    listed = order[parts[order] > max(parts.max() / 2, 0.0)]
     return second_state_statement(decision, second, table.iloc[listed])
 
 

@@ -21,9 +21,9 @@ def singles(seed):
     return features(np.array([CENTRES[state] for state in STATES]), seed)
 
 
-def fitted(**options):
+def fitted(seed=0, **options):
     model = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", **options)
-    return model.fit(singles(0), STATES, groups=np.arange(120) // 4)
+    return model.fit(singles(seed), STATES, groups=np.arange(120) // 4)
 
 
 def test_the_second_fault_is_named_and_few_single_faults_are():
@@ -32,8 +32,8 @@ def test_the_second_fault_is_named_and_few_single_faults_are():
     decided = model.predict(both)
     other = np.where(decided == "ring", "screw", "ring")
     assert np.mean(np.array(model.second_states(both, decided)) == other) > 0.95
-    for seed in range(2, 12):
-        found = model.second_states(singles(seed), STATES)
+    for seed in range(2, 12):  # other trainings too: the rate of a single one scatters
+        found = fitted(100 + seed).second_states(singles(seed), STATES)
         rates.append(np.mean([second is not None for second in found]))
     assert np.mean(rates) < 0.03
 
