@@ -357,9 +357,8 @@ def fit_typicality(X: Array, codes: Indices, units: Indices, weight: Array) -> T
             continue
         part = _fit_distances(X[others], renumbered, units[others], weight[others], settings)
         inside[np.ix_(seen, rows)], outside[rows], largest[rows] = part.log_squares(X[rows])
-        known = rows[np.isin(codes[rows], seen)]
-        beyond[known], _ = part.beyond_class(X[known], np.searchsorted(seen, codes[known]))
-        judged[known] = True
+        beyond[rows], _ = part.beyond_class(X[rows], part.nearest(X[rows]))
+        judged[rows[np.isin(codes[rows], seen)]] = True
     check_judged(judged)
     n_features, n_directions = distances.directions.shape
     used = np.array([n_directions > 0, n_directions < n_features, True])
