@@ -58,6 +58,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from measure import header, json_option, medians, table, write_json
 from numpy.typing import NDArray
 from scipy import signal, stats
@@ -74,6 +75,7 @@ from emacm import (
     CostSensitiveGaussianBayes,
     EnvelopeDetector,
     FaultLines,
+    Gear,
     OrderPSD,
     OrderResampler,
     Recording,
@@ -82,10 +84,12 @@ from emacm import (
     find_faults,
     kurtogram,
 )
+from emacm.models.find_faults import healthy_scores
 
 BEARINGS = {"DE12": Bearing(9, 7.94, 39.04), "FE": Bearing(8, 6.746, 28.499)}  # 6205, 6203
 MFPT = Bearing(8, 0.235, 1.245)
 SIMULATED = {"6205": BEARINGS["DE12"], "6203": BEARINGS["FE"], "MFPT": MFPT}
+SIMULATED |= {"gear 23:67": Gear(23, 67), "gear 20:50": Gear(20, 50)}
 UESTC = Bearing(8, 7.938, 33.5)  # UC204, from its lines
 FAULTS = {"B": "BSF", "IR": "BPFI", "OR": "BPFO"}
 RINGS = ("BPFI", "BPFO")
@@ -395,47 +399,65 @@ def without_answer(runs: Runs, bearing: Bearing) -> dict[str, float]:
 # Several faults
 
 
-def damaged(bearing: Bearing, sizes: dict[str, float], seed: int) -> Recording:
-    """Return a simulated bearing with some faults: struck resonances under noise, 6 s at 20 kHz.
+def damaged(part: Bearing | Gear, sizes: dict[str, float], seed: int) -> Recording:
+    """Return a simulated part with some faults: struck resonances under noise, 6 s at 20 kHz.
 
-    A number as the name of a fault is the order of impacts that are not of the bearing.
+    A number as the name of a fault is the order of impacts that are not of the part. A gear has
+    three harmonics of its mesh, which both shafts modulate.
     """
     rng, fs, length = np.random.default_rng(seed), 20_000, 120_000
     rate = rng.choice([20.0, 25.0, 30.0, 35.0])
-    lines = {line.name: line for line in bearing.lines()}
+    lines = {line.name: line for line in part.lines()}
     x = 0.12 * rng.standard_normal(length)
     for name, size in sizes.items():
+        slips = name in lines and lines[name].slips
         order = lines[name].order * lines[name].strikes if name in lines else float(name)
-        struck = order * rate * (1 + (rng.uniform(-0.012, 0.005) if name in lines else 0.0))
-        times = np.cumsum((1 + 0.01 * rng.standard_normal(int(7 * struck))) / struck)
+        struck = order * rate * (1 + (rng.uniform(-0.012, 0.005) if slips else 0.0))
+        scatter = 0.0 if name in lines and not slips else 0.01
+        times = np.cumsum((1 + scatter * rng.standard_normal(int(7 * struck))) / struck)
         times = times[times < 5.9]
-        turn = {"BPFI": rate, "BSF": rate * lines["FTF"].order}.get(name)
+        turn = {"BPFI": rate, "BSF": rate * lines["FTF"].order}.get(name) if slips else None
         load = (
             1.0 if turn is None else np.clip(0.55 + 0.75 * np.cos(2 * np.pi * turn * times), 0, 1)
         )
         hits = np.bincount((times * fs).astype(int), size * load * np.ones(len(times)), length)
         w = 2 * np.pi * rng.uniform(2000, 7000) / fs * np.arange(120)
         x += np.convolve(hits, np.exp(-0.04 * w) * np.sin(w))[:length]
+    if isinstance(part, Gear):
+        turns = 2 * np.pi * rate * np.arange(length) / fs
+        depth = 1 + 0.1 * np.cos(turns) + 0.05 * np.cos(lines["wheel"].order * turns)
+        x += 0.4 * depth * sum(np.cos(k * part.teeth * turns + k) / k for k in (1, 2, 3))
     return Recording({CHANNEL: x}, fs, velocity=2 * np.pi * rate)
 
 
+def is_named(found: pd.DataFrame) -> pd.Series:
+    """Return whether a fault is named, for each row of `find_faults`."""
+    return ~found["named"].isin(["none", "not assessed"])
+
+
 def sets_of_faults(every: int) -> list[dict[str, Any]]:
-    """Return the share of simulated bearings of which exactly the faults are named."""
+    """Return the share of simulated bearings and gears of which exactly the faults are named."""
     rows = []
-    for name, bearing in [*SIMULATED.items()][::every]:
-        row: dict[str, Any] = {"bearing": name}
+    for name, part in [*SIMULATED.items()][::every]:
+        kinds = ("pinion", "wheel") if isinstance(part, Gear) else FAULTS.values()
+        options: dict[str, Any] = {}
+        if isinstance(part, Gear):
+            before = [damaged(part, {}, seed) for seed in range(100, 108)]
+            options["healthy"] = healthy_scores(before, part)
+        found = find_faults([damaged(part, {}, n) for n in range(20)][::every], part, **options)
+        row: dict[str, Any] = {"part": name, "healthy: named": float(is_named(found).mean())}
         for what, sizes in (("one", (1,)), ("two, equal", (1, 1)), ("two, one of half", (1, 0.5))):
             exact = []
-            sets = itertools.permutations(FAULTS.values(), len(sizes))
+            sets = itertools.permutations(kinds, len(sizes))
             for faults, seed in [*itertools.product(sets, range(20))][::every]:
-                run = damaged(bearing, dict(zip(faults, sizes, strict=True)), seed)
-                named = find_faults([run], bearing)["named"][0].split(" + ")
+                run = damaged(part, dict(zip(faults, sizes, strict=True)), seed)
+                named = find_faults([run], part, **options)["named"][0].split(" + ")
                 exact.append(set(named) == set(faults))
             row[what] = float(np.mean(exact))
         others = [*itertools.product(OTHERS, range(20))][::every]
-        runs = [damaged(bearing, {order: 1}, seed) for order, seed in others]
-        named = find_faults(runs, bearing)["named"]
-        row["other impacts: named"] = float((~named.isin(["none", "not assessed"])).mean())
+        runs = [damaged(part, {order: 1}, seed) for order, seed in others]
+        found = find_faults(runs, part)
+        row["other impacts: named"] = float(is_named(found).mean())
         rows.append(row)
     return rows
 

@@ -322,6 +322,37 @@ def check_distinct(names: Sequence[str]) -> None:
 
 
 @dataclass(frozen=True)
+class _DamagedPart(Part):
+    """A part with only those lines that an undamaged one does not have."""
+
+    part: Part
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """Prefix of the names of its lines."""
+        return self.part.name
+
+    def lines(self) -> tuple[Line, ...]:
+        """Return the lines of damage."""
+        return tuple(line for line in self.part.lines() if line.of_damage)
+
+
+def only_damage(parts: Any) -> Any:
+    """Return parts without the lines that undamaged ones have too; all else as it is.
+
+    Examples
+    --------
+    >>> from emacm import Gear
+    >>> [line.name for line in only_damage(Gear(8, 42))[0].lines()]
+    ['pinion', 'wheel']
+    """
+    listed = [parts] if isinstance(parts, Part | Mapping) else parts
+    if not isinstance(listed, Sequence):
+        return parts
+    return [_DamagedPart(part) if isinstance(part, Part) else part for part in listed]
+
+
+@dataclass(frozen=True)
 class FaultSeries:
     """The lines by which one fault is recognised.
 

@@ -78,13 +78,18 @@ class Gear(Part):
         mesh, common = self.ratio * self.teeth, gcd(self.teeth, self.mating_teeth)
         shafts = (("pinion", self.ratio), ("wheel", self.output_ratio))
         lines = [
-            Line("mesh", "mesh", mesh, shafts),
+            Line("mesh", "mesh", mesh, shafts, of_damage=False),
             Line("pinion", "pinion", self.ratio),
             Line("wheel", "wheel", self.output_ratio),
-            Line("hunting", "hunting tooth", mesh / lcm(self.teeth, self.mating_teeth)),
+            Line(
+                "hunting",
+                "hunting tooth",
+                mesh / lcm(self.teeth, self.mating_teeth),
+                of_damage=False,
+            ),
         ]
         if common > 1:
-            lines.append(Line("phase", "assembly phase", mesh / common))
+            lines.append(Line("phase", "assembly phase", mesh / common, of_damage=False))
         return tuple(lines)
 
 
@@ -217,12 +222,12 @@ class PlanetaryGear(Part):
             modulations.append(("planet pass", self.n_planets * speeds["carrier"]))
         per_sun, per_ring = mesh / self.sun_teeth, mesh / self.ring_teeth
         return (
-            Line("mesh", "mesh", mesh, tuple(modulations)),
+            Line("mesh", "mesh", mesh, tuple(modulations), of_damage=False),
             Line("sun fault", "sun", self.n_planets * per_sun, of.get("sun", ())),
             Line("planet fault", "planet", mesh / self._planet, of.get("carrier", ())),
             Line("ring fault", "ring", self.n_planets * per_ring, of.get("ring", ())),
             *(
-                Line(member, f"rotation of the {member}", order)
+                Line(member, f"rotation of the {member}", order, of_damage=False)
                 for member, order in turning.items()
             ),
         )

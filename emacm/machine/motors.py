@@ -73,12 +73,12 @@ class Motor(Part):
         """Return the lines of the shaft, the supply and, if `slots` is given, of cogging."""
         shaft = (("shaft", 1.0),)
         lines = [
-            Line("shaft", "imbalance or eccentricity", 1.0),
-            Line("supply", "supply", float(self.pole_pairs), shaft),
+            Line("shaft", "imbalance or eccentricity", 1.0, of_damage=False),
+            Line("supply", "supply", float(self.pole_pairs), shaft, of_damage=False),
         ]
         if self.slots is not None:
             periods = float(lcm(self.slots, 2 * self.pole_pairs))
-            lines.append(Line("cogging", "cogging", periods, shaft))
+            lines.append(Line("cogging", "cogging", periods, shaft, of_damage=False))
         return tuple(lines)
 
 
@@ -160,11 +160,13 @@ class InductionMotor(Part):
         """Return the lines of the shaft, the supply and the cage, and of `bars` if given."""
         poles, shaft = ("pole pass", 2 * self.slip * self.supply_order), ("shaft", 1.0)
         lines = [
-            Line("shaft", "imbalance or eccentricity", 1.0, (poles,)),
-            Line("supply", "supply", self.supply_order, (shaft,)),
+            Line("shaft", "imbalance or eccentricity", 1.0, (poles,), of_damage=False),
+            Line("supply", "supply", self.supply_order, (shaft,), of_damage=False),
             Line("pole pass", "broken bar or end ring", poles[1]),
         ]
         if self.bars is not None:
             modulations = (shaft, ("2xsupply", 2 * self.supply_order))
-            lines.append(Line("bar pass", "rotor bars", float(self.bars), modulations))
+            lines.append(
+                Line("bar pass", "rotor bars", float(self.bars), modulations, of_damage=False)
+            )
         return tuple(lines)

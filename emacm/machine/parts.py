@@ -24,6 +24,8 @@ class Line(NamedTuple):
         Whether the slip of rolling elements changes the order.
     strikes : int
         Impacts of a local defect per period: the first harmonic that it excites.
+    of_damage : bool
+        Whether an undamaged part has no such line, as against that of a shaft, mesh or supply.
     """
 
     name: str
@@ -32,6 +34,7 @@ class Line(NamedTuple):
     sidebands: tuple[tuple[str, float], ...] = ()
     slips: bool = False
     strikes: int = 1
+    of_damage: bool = True
 
 
 class Part:

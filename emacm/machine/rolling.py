@@ -170,7 +170,8 @@ class BallScrew(Part):
         kinds = {"nut race": "nut", "thread": "screw", "spin": "ball", "orbit": "balls"}
         turns, screw = (self.rotating, self.ratio), self.rotating == "screw"
         lines = _rolling_lines(kinds, self, self.balls_per_turn, turns, screw, self._lead_angle)
-        return (Line(self.rotating, "shaft of the screw", self.ratio), *lines)
+        shaft = Line(self.rotating, "shaft of the screw", self.ratio, of_damage=False)
+        return (shaft, *lines)
 
 
 def _rolling_lines(

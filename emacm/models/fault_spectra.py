@@ -187,8 +187,10 @@ class Spectrum(NamedTuple):
         # The shaft, and the cage, which slips as well.
         return [turn * slowed for turn in own | stands_out for slowed in (1.0, 1 + fault.slip)]
 
-    def further(self, named: Sequence[str], rate: float, finest: LineLevels) -> Fault | None:
-        """Return the strongest fault that has lines which those named do not explain."""
+    def further(
+        self, named: Sequence[str], possible: Sequence[str], rate: float, finest: LineLevels
+    ) -> Fault | None:
+        """Return the strongest possible fault that has lines which those named do not explain."""
         faults = self.faults()
         known = [fault for fault in faults if fault.series.name in named]
         least = max(np.mean(fault.heights) for fault in known) - SETTINGS.weaker
@@ -200,7 +202,8 @@ class Spectrum(NamedTuple):
         rest = [
             fault
             for fault in self.faults(np.logical_or.reduce(explained))
-            if fault.series.name not in named
+            if fault.series.name in possible
+            and fault.series.name not in named
             and self.lines.separates(fault.series) == finest.separates(fault.series)  # from shaft
             and not fault.modulated(faults)
             and fault.p <= rate / len(faults)

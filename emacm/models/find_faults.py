@@ -11,7 +11,7 @@ import pandas as pd
 from emacm._checks import check_count, check_number, located
 from emacm.conditions.healthy import are_recordings, check_rates, common_rates
 from emacm.machine.fault_lines import SETTINGS as LINES
-from emacm.machine.fault_orders import fault_series
+from emacm.machine.fault_orders import fault_series, only_damage
 from emacm.machine.parts import Part
 from emacm.models.fault_spectra import SETTINGS, Fault, Measured, Spectrum, measured_spectra
 from emacm.recordings.inputs import check_channel_names
@@ -58,7 +58,8 @@ def find_faults(
         shorter recording has, at least 10. Or a table of order spectra as `OrderPSD` returns it,
         for bearings those of the envelope.
     parts : part, or sequence of parts
-        `Bearing`, `Gear` and so on, or mappings of fault names to orders.
+        `Bearing`, `Gear` and so on, or mappings of fault names to orders. Lines that undamaged
+        parts have too, of the mesh, the shafts and the supply, are not looked for.
     harmonics : int
         Number of lines of each fault.
     slip : float
@@ -112,6 +113,9 @@ def find_faults(
     reached 9.5 dB, with which `healthy` or a trend decides. The p-value only excludes background:
     it says nothing about other sources of lines.
 
+    The lines of a fault of a gear are those of its shaft, which healthy machines have too: without
+    `healthy` it is at most suspected, and beside a fault of rolling elements it is not looked for.
+
     If the strongest fault is rejected, no other one is named. A further fault is named by lines
     that those before it do not explain, in a spectrum of up to 100 or 50 revolutions: harmonics of
     those, and sidebands at three multiples of each order that modulates them: of their own, and of
@@ -161,7 +165,13 @@ def find_faults(
     """
     check_count(harmonics, "harmonics", at_most=100)
     check_number(false_alarm, "false_alarm", above=0, at_most=1)
+    parts = only_damage(parts)
     series = fault_series(parts, harmonics)
+    if not series:
+        raise ValueError(
+            "the parts have no lines of damage. Add a Bearing, BallScrew, Gear or PlanetaryGear, "
+            "or a mapping of names to orders."
+        )
     least = len(series) / (1 + LINES.draws)
     if false_alarm < least:
         raise ValueError(
@@ -198,7 +208,8 @@ def healthy_scores(
 
     `find_faults` takes the result as `healthy`, so that many recordings can be judged one by one.
     """
-    series, highest = fault_series(parts, harmonics), dict[str, list[float]]()
+    parts, highest = only_damage(parts), dict[str, list[float]]()
+    series = fault_series(parts, harmonics)
     options: dict[str, Any] = {"harmonics": harmonics, "slip": slip, "channels": channels}
     with located("healthy"):
         for measured in measured_spectra(healthy, parts, series, **options):
@@ -224,7 +235,10 @@ class _Finding(NamedTuple):
         """Decide on what is measured."""
         faults, fine = measured.spectrum.faults(), measured.fine
         own = [fault for fault in faults if not fault.modulated(faults)] or faults
-        best = max(own, key=lambda fault: fault.score)
+        usual = healthy or [0.0] * len(faults)
+        if not healthy:  # shafts have lines in any case
+            own = [fault for fault in own if fault.series.slips] or own
+        best = max(own, key=lambda fault: fault.score - usual[faults.index(fault)])
         if measured.defect:
             return cls(faults, NOT_ASSESSED, NONE, best, f"not assessed: {measured.defect}")
         if false_alarm == 1:
@@ -241,13 +255,22 @@ class _Finding(NamedTuple):
         reason = reason or ("" if healthy else fine[0].other_source(best))
         if not reason:
             names, text = [best.series.name], _sentence(best, faults)
-            beside = false_alarm, fine[0].lines
+            possible = [
+                fault.series.name
+                for fault, most in zip(faults, usual, strict=True)
+                if (fault.score >= most + SETTINGS.suspected if healthy else fault.series.slips)
+            ]
+            beside = possible, false_alarm, fine[0].lines
             while found := [f for s in fine if (f := s.further(names, *beside))]:
                 names.append(found[0].series.name)
                 text += f"; {_sentence(found[0], faults)}"
             return cls(faults, " + ".join(names), NONE, best, text)
         passed = [fault for fault in faults if not _unlikely(fault, faults, false_alarm)]
-        best = best if best in passed or not passed else max(passed, key=lambda f: f.score)
+        if best in passed:
+            passed = [best, *(fault for fault in passed if not fault.series.slips)]
+        likeliest = max(passed or [best], key=lambda fault: fault.score)
+        if likeliest is not best:
+            best, reason = likeliest, _reason(likeliest, faults, healthy, false_alarm)
         causes = best.modulated(faults) or [best]
         suspected = " + ".join(f.series.name for f in causes) if passed and not healthy else NONE
         sentence = _sentence(best, faults)
@@ -285,6 +308,8 @@ def _reason(
         return f"; its score of {fault.score:.1f} dB is below {limit:.1f} dB{remedy}"
     if fault.is_single:
         return "; a single line is a modulation, impacts have harmonics"
+    if healthy is None and not fault.series.slips:
+        return "; shafts of healthy machines have such lines too: healthy recordings would decide"
     if healthy is None and fault.depth < SETTINGS.depth:
         return (
             f"; they modulate the envelope by {100 * fault.depth:.1f} %, as those of healthy "
@@ -328,7 +353,7 @@ def _sentence(fault: Fault, faults: Sequence[Fault]) -> str:
     name, (*others, last) = fault.series.name, [f"{height:z.0f}" for height in fault.heights]
     lines = f"{name} and its harmonics are {', '.join(others)} and" if others else f"{name} is"
     beside = f", with {' and '.join(fault.sides)} sidebands" if fault.sides else ""
-    kind = "" if fault.series.kind in ("", "given") else f": {fault.series.kind}"
+    kind = "" if fault.series.kind in ("", "given", name) else f": {fault.series.kind}"
     causes = [other.series.name for other in fault.modulated(faults)]
     cause = f", or the modulation of {' or '.join(causes)}" if causes else ""
     return f"{lines} {last} dB above the local background{beside}{kind}{cause}"

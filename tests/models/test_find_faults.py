@@ -9,12 +9,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from emacm import Bearing, CostSensitiveGaussianBayes, Recording, bearing_recipe, find_faults
+from emacm import (
+    Bearing,
+    CostSensitiveGaussianBayes,
+    Gear,
+    Motor,
+    Recording,
+    bearing_recipe,
+    find_faults,
+)
 from emacm.models.find_faults import healthy_scores
 
 FS = 12_000
 BEARING = Bearing(9, 7.94, 39.04)  # 6205
 ORDERS = {"BPFO": 3.5848, "BPFI": 5.4152, "BSF": 2.3567, "FTF": 0.3983}
+ORDERS |= {"wheel": 23 / 67}
 TURN = 2 * np.pi
 RING = np.exp(-np.arange(150) / 20) * np.sin(TURN * 3100 / FS * np.arange(150))
 
@@ -208,9 +217,23 @@ def test_the_cage_alone_makes_the_ball_suspected():
     assert find_faults(pd.DataFrame([psd], columns=columns), BEARING)["named"].tolist() == ["BSF"]
 
 
+def test_a_gear_beside_a_bearing_needs_healthy_recordings():
+    parts, runs = [BEARING, Gear(23, 67), Motor(4)], [running("wheel", slip=0), running("BPFI")]
+    found = find_faults(runs, parts)
+    assert found[["named", "suspected"]].to_numpy().tolist() == [
+        ["none", "wheel"],
+        ["BPFI", "none"],
+    ]
+    assert "shafts of healthy machines have such lines too" in found["explanation"][0]
+    assert not {"mesh", "hunting", "shaft"} & set(found)
+    calibrated = find_faults(runs, parts, healthy=[running(seed=s) for s in (1, 2)])
+    assert calibrated["named"].tolist() == ["wheel", "BPFI"]
+
+
 @pytest.mark.parametrize(
     ("options", "error", "match"),
     [
+        ({"parts": Motor(4)}, ValueError, "no lines of damage. Add a Bearing"),
         ({"X": []}, ValueError, "X contains no recording"),
         ({"X": running(seconds=1)}, TypeError, r"write \[recording\]"),
         ({"parts": []}, TypeError, "at least one part"),
