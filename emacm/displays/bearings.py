@@ -14,7 +14,7 @@ from emacm.displays import _drawing, _tables
 from emacm.displays._drawing import Display
 from emacm.envelopes.kurtogram import Kurtogram, kurtogram
 from emacm.machine.fault_lines import LineLevels
-from emacm.machine.fault_orders import fault_series
+from emacm.machine.fault_orders import fault_series, only_damage
 from emacm.machine.parts import Part
 from emacm.models.recipes import bearing_recipe
 from emacm.orders.columns import column_names, parse_order_columns
@@ -72,7 +72,7 @@ class FaultLinesDisplay(Display):
 
     def __post_init__(self) -> None:
         self.orders, self.spectrum = np.asarray(self.orders), np.asarray(self.spectrum)
-        series = fault_series(self.parts, 3)
+        series = fault_series(only_damage(self.parts), 3)
         known = [fault.name for fault in series]
         if not set(self.faults or ()) <= set(known):
             raise ValueError(
@@ -116,7 +116,7 @@ class FaultLinesDisplay(Display):
             If an option is invalid, there is no such channel, or the recording is too short.
         """
         chosen = _tables.chosen_channels(recording, channel and [channel])[0]
-        recipe = bearing_recipe(parts, channels=[chosen])
+        recipe = bearing_recipe(only_damage(parts), channels=[chosen])
         table = recipe[:-1].fit_transform([recording])
         (block,) = parse_order_columns(column_names(table) or ()) or ()
         spectrum = np.asarray(table)[0, block.columns]

@@ -121,7 +121,13 @@ class LineLevels:
         n_steps = int(np.ceil(reach * min(lines[-1], top) / self._step))
         slips = np.linspace(-reach, reach, 2 * n_steps + 1)
         places = np.rint((np.outer(1 + slips, lines) - self._first) / self._step).astype(np.intp)
-        if places.min() < 1 or places.max() > len(self.orders) - 2:
+        if places.min() < 1:
+            raise ValueError(
+                f"the first line of {fault.name!r} is at order {lines[0]:.4g}, but the spectra "
+                f"have a line every {self._step:.4g} orders from {self._first:.4g} on. Raise "
+                f"revolutions of OrderPSD."
+            )
+        if places.max() > len(self.orders) - 2:
             raise ValueError(
                 f"the lines of {fault.name!r} reach order {lines[-1] * (1 + reach):.4g}, but the "
                 f"spectra hold orders {self._first:.4g} to {top:.4g}. Lower theta_s of "
