@@ -510,9 +510,7 @@ def main() -> None:
         write_json(options, measured_accuracy(folder, every))
     else:
         print("no recordings of bearings: set EMACM_DATA to the folder that holds bearings/*.npz")
-    print(
-        "\nsimulated parts, share with the exact set of faults (gears: beside eight healthy recordings)"
-    )
+    print("\nsimulated parts, share with the exact set of faults (gears: with healthy ones)")
     print(table(sets_of_faults(every)))
     print("\nCPU times")
     with threadpool_limits(1):
