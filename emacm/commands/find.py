@@ -80,9 +80,11 @@ def layout_of_options(options: argparse.Namespace, path: Path) -> Layout:
         return Layout.from_toml(options.layout)
     contents = contents_of(path)
     if not contents.channels:
+        unused = "".join(f" {name!r} is not used: {why}." for name, why in contents.unused.items())
         raise ValueError(
-            f"{printable(path)} has no channel. If it holds the speed of other files, select those "
-            f"by --pattern, and name it in a layout: velocity = {{file = ..., column = ...}}."
+            f"{printable(path)} has no channel.{unused} If it holds the speed of other files, "
+            f"select those by --pattern, and name it in a layout: velocity = {{file = ..., "
+            f"column = ...}}."
         )
     drafted = tomllib.loads(draft_layout(contents, path))
     remarks = contents.remarks

@@ -224,7 +224,11 @@ def contents_of(path: Path) -> Contents:
         found.shaft = next(filter(pulses.get, pulses), None)
         found.n_pulses = pulses.get(found.shaft or "", 0)
     texts = [name for name in columns.columns if name not in found.numbers and name != times]
-    found.unused |= dict.fromkeys(texts, "it does not consist of numbers")
+    for name in texts:
+        place, value = next(
+            (n, value) for n, value in enumerate(columns.columns[name]) if isinstance(value, str)
+        )
+        found.unused[name] = f"it does not consist of numbers, got {value[:60]!r} at sample {place}"
     found.unused |= dict.fromkeys(shafts[1:], "it is named like the motion of a shaft")
     if found.missing_rates:
         names = ", ".join(found.missing_rates)

@@ -391,6 +391,8 @@ class _Stream:
 
 
 def _texts(lines: list[bytes]) -> list[str]:
+    if any(b"\0" in line for line in lines):
+        raise ValueError("it contains bytes 0: it is binary, or UTF-16. Write it in UTF-8.")
     try:
         texts = [line.decode("utf-8-sig") for line in lines]
     except UnicodeDecodeError:  # as in files

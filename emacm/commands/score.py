@@ -21,6 +21,7 @@ from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import final_estimator
 from emacm.files.folder import open_recording, recording_files
 from emacm.files.layout import Layout
+from emacm.files.tables import read_table
 from emacm.history.records import identity, record_of, times_of
 from emacm.history.sqlite_history import is_history
 from emacm.models.model_files import load_model, model_description
@@ -178,13 +179,31 @@ def set_costs(
     labels = getattr(model, "classes_", ()) if labels is None else labels
     known = {str(label): label for label in labels}
     if cost is not None:
-        table = pd.read_csv(cost, index_col=0)
+        table = read_table(cost, index_col=0)
         table.index = table.index.astype(str)
-        final.set_params(cost=table.rename(known, axis=0).rename(known, axis=1))
+        table = table.rename(known, axis=0).rename(known, axis=1)
+        for text in _doubts(table, [*known.values()]):
+            print(f"emacm: WARNING: {printable(cost)}: {text}", file=sys.stderr)
+        final.set_params(cost=table)
     if priors is not None:
         final.set_params(priors=priors if priors == "uniform" else _priors(priors, known))
     if hasattr(model, "classes_") and hasattr(final, "cost"):
         _ = (final if not hasattr(model, "cost_") else model).cost_, getattr(final, "priors_", None)
+
+
+def _doubts(costs: pd.DataFrame, labels: Sequence[Any]) -> Iterator[str]:
+    """State decisions that are never made, and wrong ones that cost less than the right one."""
+    classes = [label for label in labels if label in costs.index]
+    for label in labels:
+        if classes and label not in classes:
+            yield f"it has no row for the decision {label!r}, which is then never made."
+    for label in (label for label in classes if label in costs.columns):
+        column = pd.to_numeric(costs[label], errors="coerce")
+        if column.min() < column[label]:
+            yield (
+                f"if {label!r} is true, deciding {column.idxmin()!r} costs {column.min():g}, the "
+                f"right decision {column[label]:g}: wrong sign, or rows and columns exchanged?"
+            )
 
 
 def _priors(text: str, known: Mapping[str, Any]) -> dict[Any, float]:

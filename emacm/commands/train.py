@@ -60,6 +60,14 @@ def run(options: argparse.Namespace) -> int:
         [meta_value(Path(path), layout, key) for path in paths]
         for key in (options.labels, options.groups)
     )
+    spelled: dict[str, str] = {}
+    for label in dict.fromkeys(map(str, labels)):
+        other = spelled.setdefault(label.strip().casefold(), label)
+        if other != label:
+            text = (
+                f"the states {other!r} and {label!r} differ in case or spaces only: are they one?"
+            )
+            print(f"emacm: WARNING: {text}", file=sys.stderr)
     healthy = healthy_label(labels, options.healthy, "--healthy")
     model = _recipe(X, options) if options.like is None else clone(old[-1])
     set_costs(model, options.cost, options.priors, labels)

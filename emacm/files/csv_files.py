@@ -136,7 +136,7 @@ class TextTable(NamedTuple):
                 raise RefusedFileError(
                     f"sample {values.index[0]} has {values.iloc[0]} in a column without a name."
                 )
-        content.columns |= {name: _numbers(table[name]) for name in table}
+        content.columns |= {name: _numbers(table[name], self.decimal) for name in table}
         content.units |= {n: u for n, u in zip(self.names, self.units, strict=False) if u}
         _add_stated_numbers(content, self.preamble)
 
@@ -288,12 +288,14 @@ def _is_row_of_units(fields: Sequence[str], above: Sequence[str]) -> bool:
     return any(map(is_time_name, above)) or not any(map(is_time_name, fields))
 
 
-def _numbers(column: pd.Series) -> NDArray[Any]:
+def _numbers(column: pd.Series, decimal: str) -> NDArray[Any]:
     """Return a column as numbers where its cells are numbers."""
     values = column.to_numpy()
     if values.dtype.kind in "biuf":
         return values
     cells = column.astype(object).to_numpy()
+    if decimal == ",":  # then points separate thousands
+        column = column.astype(str).str.replace(".", "?").str.replace(",", ".")
     numbers = pd.to_numeric(column, errors="coerce").to_numpy(np.float64)
     return np.where(np.isnan(numbers), cells, numbers.astype(object))
 

@@ -17,6 +17,7 @@ from typing import Any
 import pandas as pd
 
 from emacm._checks import check_number, located
+from emacm.files.tables import read_table
 from emacm.recordings.names import chosen_channels, printable, split_unit
 
 
@@ -317,8 +318,10 @@ def _checked_units(units: Any) -> dict[str, str]:
 
 def _meta_table(path: str) -> pd.DataFrame:
     """Return a table in which texts such as 001 and None stay as they are."""
-    table = pd.read_csv(path, dtype=str, keep_default_na=False, na_values=[""])
-    for name in table.columns.drop("file", errors="ignore"):
+    table = read_table(path, dtype=str, keep_default_na=False, na_values=[""])
+    if "file" not in table:
+        raise ValueError(f"the table of meta {path!r} has no column 'file', only {[*table]}.")
+    for name in table.columns.drop("file"):
         if not table[name].str.match(r"0\d", na=False).any():
             with suppress(ValueError):
                 table[name] = pd.to_numeric(table[name])

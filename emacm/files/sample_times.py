@@ -115,7 +115,8 @@ def dates_of(values: NDArray[Any], name: str) -> pd.Series:
             texts = texts.str.replace(r"^(\d+)\.(\d+)\.(\d{4})\b", r"\3-\2-\1", regex=True)
             dates = pd.to_datetime(texts, errors="coerce", format="ISO8601")
     if dates.isna().any():
-        place = int(np.argmax(dates.isna()))
+        is_number = np.array([isinstance(value, float) for value in values])
+        place = int(np.argmin(is_number) if is_number[0] else np.argmax(dates.isna()))
         raise ValueError(
             f"time column {name!r} has {values.tolist()[place]!r} at sample {place}, not a time. "
             f"Repair it, or {_ignore(name)}."

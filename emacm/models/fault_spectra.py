@@ -124,9 +124,13 @@ class Fault(NamedTuple):
         return [name for name, level in self.sidebands.items() if level >= SETTINGS.sidebands]
 
     def modulated(self, faults: Sequence[Fault]) -> list[Fault]:
-        """Return the faults that are modulated at the order of this one."""
-        order = self.series.orders[0]
-        return [f for f in faults if any(np.isclose(order, o) for _, o in f.series.sidebands)]
+        """Return the faults that are modulated at the order of this one.
+
+        A shaft modulates only what has lines of its own: it has lines without any fault.
+        """
+        order, least = self.series.orders[0], -np.inf if self.series.slips else SETTINGS.suspected
+        own = [fault for fault in faults if fault.score >= least]
+        return [f for f in own if any(np.isclose(order, o) for _, o in f.series.sidebands)]
 
 
 class Spectrum(NamedTuple):

@@ -234,8 +234,13 @@ class _Finding(NamedTuple):
     ) -> _Finding:
         """Decide on what is measured."""
         faults, fine = measured.spectrum.faults(), measured.fine
-        own = [fault for fault in faults if not fault.modulated(faults)] or faults
         usual = healthy or [0.0] * len(faults)
+        higher = [
+            fault
+            for fault, most in zip(faults, usual, strict=True)
+            if not healthy or fault.score >= most + SETTINGS.suspected
+        ]
+        own = [fault for fault in faults if not fault.modulated(higher)] or faults
         if not healthy:  # shafts have lines in any case
             own = [fault for fault in own if fault.series.slips] or own
         best = max(own, key=lambda fault: fault.score - usual[faults.index(fault)])
@@ -252,27 +257,23 @@ class _Finding(NamedTuple):
             text = f"not assessed: {_speed_text(measured, None if is_shifted else error)}"
             suspected = NONE if error is None else error.series.name
             return cls(faults, NOT_ASSESSED, suspected, error or best, text)
-        reason = reason or ("" if healthy else fine[0].other_source(best))
+        reason = reason or fine[0].other_source(best)
         if not reason:
             names, text = [best.series.name], _sentence(best, faults)
-            possible = [
-                fault.series.name
-                for fault, most in zip(faults, usual, strict=True)
-                if (fault.score >= most + SETTINGS.suspected if healthy else fault.series.slips)
-            ]
+            possible = [f.series.name for f in higher if healthy or f.series.slips]
             beside = possible, false_alarm, fine[0].lines
             while found := [f for s in fine if (f := s.further(names, *beside))]:
                 names.append(found[0].series.name)
                 text += f"; {_sentence(found[0], faults)}"
             return cls(faults, " + ".join(names), NONE, best, text)
-        passed = [fault for fault in faults if not _unlikely(fault, faults, false_alarm)]
+        passed = [fault for fault in higher if not _unlikely(fault, faults, false_alarm)]
         if best in passed:
             passed = [best, *(fault for fault in passed if not fault.series.slips)]
         likeliest = max(passed or [best], key=lambda fault: fault.score)
         if likeliest is not best:
             best, reason = likeliest, _reason(likeliest, faults, healthy, false_alarm)
         causes = best.modulated(faults) or [best]
-        suspected = " + ".join(f.series.name for f in causes) if passed and not healthy else NONE
+        suspected = " + ".join(f.series.name for f in causes) if passed else NONE
         sentence = _sentence(best, faults)
         text = f"{'no fault' if suspected == NONE else f'{suspected} is suspected'}: {sentence}"
         return cls(faults, NONE, suspected, best, f"{text}{reason}")

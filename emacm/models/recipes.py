@@ -295,12 +295,13 @@ def longest_stroke(recording: Recording, top: float, channels: Any, *, shortest:
         If they are fewer than `shortest`, or a sampling rate is too low for lines up to `top`.
     """
     longest = max((path.length for path in recording.paths()), default=0.0) / (2 * np.pi)
+    fastest = np.abs(recording.velocity).max() / (2 * np.pi)
+    speed = f"its speed and the unit of it (the highest is {60 * fastest:.4g} rpm)"
     if longest < shortest:
         raise ValueError(
-            f"its longest stroke has {longest:.3g} revolutions; {shortest} are needed to "
-            f"separate the lines of the faults. Give a longer recording."
+            f"its longest stroke has {longest:.3g} revolutions; {shortest} are needed to separate "
+            f"the lines of the faults. Check {speed}, or give a longer recording."
         )
-    fastest = np.abs(recording.velocity).max() / (2 * np.pi)
     for name in recording.channels if channels is None else channels:
         check_channel_names(recording.channels, [name])
         width = 7 / 16 * recording.fs[name]  # of the envelope of the whole band
@@ -308,6 +309,7 @@ def longest_stroke(recording: Recording, top: float, channels: Any, *, shortest:
             raise ValueError(
                 f"the lines of the faults reach order {top:.4g}, {top * fastest:.4g} Hz at its "
                 f"highest speed, but the envelope of channel {name!r}, sampled at "
-                f"{recording.fs[name]:g} Hz, ends at {width:.4g} Hz. Lower harmonics."
+                f"{recording.fs[name]:g} Hz, ends at {width:.4g} Hz. "
+                f"Check {speed}, or lower harmonics."
             )
     return int(longest)

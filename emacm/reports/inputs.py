@@ -218,6 +218,8 @@ def meta_value(path: Path, layout: Layout, key: str) -> Any:
                 f"its meta has no {key!r}, only {list(meta)}. State it by meta in the layout, as "
                 f"in meta = '{{unit}}_{{state}}_{{run:d}}'."
             )
+        if pd.isna(meta[key]) or meta[key] == "":
+            raise ValueError(f"its {key!r} is empty. State it, or leave the file out.")
         return meta[key]
 
 

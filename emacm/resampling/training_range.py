@@ -211,7 +211,11 @@ def _speed(row: Mapping[str, float], known: Mapping[str, Range]) -> list[Stateme
         return []
     factor = fastest / high if fastest > high else fastest / low
     near = np.log(LIMITS.factor)
-    units = [unit for unit, size in LIMITS.speed_units if abs(np.log(factor / size)) < near]
+    units = [
+        unit
+        for unit, size in LIMITS.speed_units
+        if factor > 0 and abs(np.log(factor / size)) < near
+    ]
     hint = f": is it in {units[0]}?" if units else ""
     way = "above" if fastest > high else "below"
     text = f"highest speed {fastest:.4g} rad/s is {way} that of the training, {_span(low, high)}"
