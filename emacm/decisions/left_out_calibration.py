@@ -189,9 +189,9 @@ class LeftOutMixin(LeastRiskMixin):
         rows = np.flatnonzero(weight > 0)
         if groups is None:
             warnings.warn(
-                "fit was called without groups, so single recordings are left out. Those that were "
-                "measured together (one unit, one run) make the model over-confident: give their "
-                "labels, in a pipeline as costsensitivegaussianbayes__groups=units.",
+                f"fit was called without groups, so single recordings are left out. Those that "
+                f"were measured together (one unit, one run) make the model over-confident: give "
+                f"their labels, in a pipeline as {type(self).__name__.lower()}__groups=units.",
                 UserWarning,
                 stacklevel=3,
             )

@@ -347,7 +347,7 @@ def only_damage(parts: Any) -> Any:
     ['pinion', 'wheel']
     """
     listed = [parts] if isinstance(parts, Part | Mapping) else parts
-    if not isinstance(listed, Sequence):
+    if isinstance(listed, str) or not isinstance(listed, Sequence):
         return parts
     return [_DamagedPart(part) if isinstance(part, Part) else part for part in listed]
 
@@ -416,7 +416,7 @@ def fault_series(
     """
     check_count(harmonics, "harmonics", at_most=100)
     listed = [parts] if isinstance(parts, Part | Mapping) else parts
-    if not isinstance(listed, Sequence) or not listed:
+    if isinstance(listed, str) or not isinstance(listed, Sequence) or not listed:
         raise TypeError(
             f"parts must be a part such as a Bearing, or a list of at least one part; got "
             f"{parts!r}."

@@ -352,7 +352,10 @@ def _speed_text(measured: Measured, fault: Fault | None) -> str:
 def _sentence(fault: Fault, faults: Sequence[Fault]) -> str:
     """Describe the lines of a fault."""
     name, (*others, last) = fault.series.name, [f"{height:z.0f}" for height in fault.heights]
-    lines = f"{name} and its harmonics are {', '.join(others)} and" if others else f"{name} is"
+    same = [f.series.name for f in faults if f.series.orders == fault.series.orders]
+    same = [other for other in same if other != name]
+    which = f"{name} (or {' or '.join(same)}: the same lines)" if same else name
+    lines = f"{which} and its harmonics are {', '.join(others)} and" if others else f"{which} is"
     beside = f", with {' and '.join(fault.sides)} sidebands" if fault.sides else ""
     kind = "" if fault.series.kind in ("", "given", name) else f": {fault.series.kind}"
     causes = [other.series.name for other in fault.modulated(faults)]

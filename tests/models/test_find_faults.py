@@ -217,6 +217,21 @@ def test_the_cage_alone_makes_the_ball_suspected():
     assert find_faults(pd.DataFrame([psd], columns=columns), BEARING)["named"].tolist() == ["BSF"]
 
 
+def test_of_two_equal_bearings_both_are_stated():
+    parts = [Bearing(9, 7.94, 39.04, name=name) for name in ("drive end", "fan end")]
+    text = find_faults([running("BPFO")], parts)["explanation"][0]
+    assert text.startswith("drive end BPFO (or fan end BPFO: the same lines) and its harmonics are")
+
+
+def test_a_cage_beside_healthy_recordings_is_no_ring_and_a_new_belt_is_suspected():
+    healthy = [running(seed=seed) for seed in (1, 2)]
+    cage = find_faults([running("FTF", strength=0.5)], BEARING, healthy=healthy)
+    assert cage["named"].tolist() == ["FTF"]
+    still = [healthy_machine(None, seed=seed) for seed in (12, 13)]
+    belt = find_faults([healthy_machine("a belt")], BEARING, healthy=still)
+    assert belt[["named", "suspected"]].to_numpy().tolist() == [["none", "BSF"]]
+
+
 def test_a_gear_beside_a_bearing_needs_healthy_recordings():
     parts, runs = [BEARING, Gear(23, 67), Motor(4)], [running("wheel", slip=0), running("BPFI")]
     found = find_faults(runs, parts)
@@ -333,9 +348,9 @@ NEAR = {"a loose part": NEAR_FIVE, "a piston": NEAR_FIVE, "blades": NEAR_FIVE}
 NEAR |= {"a belt": BEARING, "another shaft": BEARING}  # the cage
 
 
-def healthy_machine(cause, fs=20_000, seconds=6):
+def healthy_machine(cause, fs=20_000, seconds=6, seed=11):
     """Noise without any fault of a bearing, modulated by something else."""
-    rng = np.random.default_rng(11)
+    rng = np.random.default_rng(seed)
     t = np.arange(seconds * fs) / fs
     turns = np.cumsum(RATE + 0.2 * np.sin(2 * t)) / fs
     noise = rng.standard_normal(len(t))
