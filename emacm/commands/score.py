@@ -196,12 +196,12 @@ def _doubts(costs: pd.DataFrame, labels: Sequence[Any]) -> Iterator[str]:
     classes = [label for label in labels if label in costs.index]
     for label in labels:
         if classes and label not in classes:
-            yield f"it has no row for the decision {label!r}, which is then never made."
+            yield f"it has no row for the decision {str(label)!r}, which is then never made."
     for label in (label for label in classes if label in costs.columns):
         column = pd.to_numeric(costs[label], errors="coerce")
         if column.min() < column[label]:
             yield (
-                f"if {label!r} is true, deciding {column.idxmin()!r} costs {column.min():g}, the "
+                f"if {str(label)!r} is true, deciding {str(column.idxmin())!r} costs {column.min():g}, the "
                 f"right decision {column[label]:g}: wrong sign, or rows and columns exchanged?"
             )
 

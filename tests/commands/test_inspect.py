@@ -91,7 +91,7 @@ def test_a_speed_without_a_unit_is_proposed_as_velocity_with_the_unit_of_its_nam
     assert main(["inspect", str(path), "--draft", str(draft)]) == 0
     printed = capsys.readouterr().out
     assert "Not used: 'out speed', it is named like the motion of a shaft" in printed
-    assert "Not used: 'note', it does not consist of numbers" in printed
+    assert "Not used: 'note', it does not consist of numbers, got 'ok' at sample 0" in printed
     assert "To be stated" not in printed
     assert contents_table(contents_of(path))["as"].tolist() == [
         *("time", "channel", "shaft", "not used", "not used")

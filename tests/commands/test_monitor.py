@@ -188,6 +188,9 @@ def test_a_stream_without_rows_is_named(here, capsys):
     (here / "empty.csv").write_text("vib,speed\n")
     assert run("--idle", "0", source="empty.csv") == 2
     assert "empty.csv: it has no rows of numbers" in capsys.readouterr().err
+    (here / "wide.csv").write_text("vib,speed\n1,2\n", encoding="utf-16")
+    assert run("--idle", "0", source="wide.csv") == 2
+    assert "wide.csv: it contains bytes 0: it is binary, or UTF-16" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

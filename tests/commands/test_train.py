@@ -201,6 +201,22 @@ def test_a_layout_without_meta_is_an_error_with_an_example(here, capsys):
     assert "meta = '{unit}_{state}_{run:d}'" in message
 
 
+def test_an_empty_state_and_an_output_that_is_a_folder_are_refused(here, capsys):
+    rows = [f"{path.name},{path.name[:2]},\n" for path in sorted(Path("files").iterdir())]
+    Path("meta.csv").write_text("file,unit,state\n" + "".join(rows))
+    Path("layout.toml").write_text('velocity = "speed"\nmeta = "meta.csv"\n')
+    assert train() == 2
+    assert "U0_healthy_0.npz: its 'state' is empty" in capsys.readouterr().err
+    assert train("--out", "files") == 2
+    assert "'files' is a folder; name a file" in capsys.readouterr().err
+
+
+def test_states_that_differ_only_in_case_are_stated(here, capsys):
+    Path("files/U0_healthy_0.npz").rename("files/U0_Healthy_0.npz")
+    assert train("--priors", "x") == 2
+    assert "'Healthy' and 'healthy' differ in case or spaces only" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -61,6 +61,16 @@ def test_texts_of_a_table_of_meta_stay_as_they_are(tmp_path):
     assert metas[1]["unit"] == "1"
 
 
+def test_a_table_of_meta_may_have_semicolons_but_must_name_the_files(tmp_path):
+    (tmp_path / "meta.csv").write_text("file;unit\na.csv;001\n", encoding="utf-8-sig")
+    assert Layout(velocity=1.0, meta=str(tmp_path / "meta.csv")).meta_of("a.csv") == {"unit": "001"}
+    (tmp_path / "meta.csv").write_text("name,unit\na.csv,001\n")
+    with pytest.raises(
+        ValueError, match=r"meta.csv' has no column 'file', only \['name', 'unit'\]"
+    ):
+        Layout(velocity=1.0, meta=str(tmp_path / "meta.csv"))
+
+
 def test_a_second_file_in_ms_is_aligned_by_its_times(tmp_path):
     seconds, vib = np.arange(100) / 100, np.arange(100) % 7
     written_rows(tmp_path / "a.csv", "time,vib", (seconds, vib))
