@@ -8,6 +8,7 @@ import os
 import runpy
 import signal
 import sys
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -35,6 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         ``--fail-on`` was made, and 3 if files failed.
     """
     parser = _parser()
+    warnings.formatwarning = lambda message, *_: f"emacm: WARNING: {message}\n"
     try:
         options, others = parser.parse_known_args(arguments)
         if options.command == "reproduce":

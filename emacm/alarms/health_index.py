@@ -335,7 +335,8 @@ class HealthIndex(TransformerMixin, SavedEstimator):
             deviation = largest.std() * np.sqrt(1 + 1 / n_groups)
             return float(np.exp(largest.mean() + quantile * deviation))
         share = 1 - self.false_alarm
-        with located(f"limit for a false alarm rate of {self.false_alarm:g}, 1 - coverage"):
+        remedy = "1 - coverage; raise it, or set few_groups='log-normal'"
+        with located(f"limit for a false alarm rate of {self.false_alarm:g} ({remedy})"):
             return grouped_quantile(values, groups, share, name="units or groups", beyond=1)
 
     def _warn_of_drift(self, X: Array, own: pd.Series | None, blocks: pd.Series) -> None:

@@ -201,8 +201,9 @@ def _doubts(costs: pd.DataFrame, labels: Sequence[Any]) -> Iterator[str]:
         column = pd.to_numeric(costs[label], errors="coerce")
         if column.min() < column[label]:
             yield (
-                f"if {str(label)!r} is true, deciding {str(column.idxmin())!r} costs {column.min():g}, the "
-                f"right decision {column[label]:g}: wrong sign, or rows and columns exchanged?"
+                f"if {str(label)!r} is true, deciding {str(column.idxmin())!r} costs "
+                f"{column.min():g}, the right decision {column[label]:g}: wrong sign, or rows and "
+                f"columns exchanged?"
             )
 
 
