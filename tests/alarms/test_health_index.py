@@ -126,7 +126,7 @@ def test_a_limit_that_the_groups_cannot_support_is_refused(n_groups, supported):
         return
     with pytest.raises(ValueError, match=r"18 units or groups cannot .* at least 19"):
         index.limit()
-    with pytest.raises(ValueError, match=r"rate of 0\.05, 1 - coverage: 18 units"):
+    with pytest.raises(ValueError, match=r"0\.05 \(1 - coverage; raise it, .*\): 18 units"):
         trend(index, X[:2], [1, 2])
     assert index.set_params(false_alarm=0.053).limit() > 0
 
