@@ -324,7 +324,7 @@ def test_actions_are_those_of_the_table():
         ({"actions": {"healthy": 3}}, ValueError, "action for 'healthy'"),
         ({"actions": "none"}, TypeError, "must map decisions to texts"),
         ({"healthy": "good"}, ValueError, "healthy must name the healthy state"),
-        ({"parts": "bearing"}, TypeError, "part 0 must be a Bearing"),
+        ({"parts": "bearing"}, TypeError, "parts must be a part such as a Bearing"),
     ],
 )
 def test_invalid_settings_are_refused(options, error, message):
