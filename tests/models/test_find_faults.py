@@ -23,7 +23,6 @@ from emacm.models.find_faults import healthy_scores
 FS = 12_000
 BEARING = Bearing(9, 7.94, 39.04)  # 6205
 ORDERS = {"BPFO": 3.5848, "BPFI": 5.4152, "BSF": 2.3567, "FTF": 0.3983}
-ORDERS |= {"wheel": 23 / 67}
 TURN = 2 * np.pi
 RING = np.exp(-np.arange(150) / 20) * np.sin(TURN * 3100 / FS * np.arange(150))
 
@@ -36,7 +35,7 @@ def running(fault=None, *, seed=0, slip=-0.008, seconds=5, strength=1.0, resonan
     angle = np.cumsum(velocity) / FS
     signal = rng.standard_normal(len(t)) + 30 * np.sin(angle) + 5 * np.sin(7 * angle + 1)
     if fault is not None:
-        order = ORDERS[fault] * (1 + slip) * (2 if fault == "BSF" else 1)
+        order = ORDERS.get(fault, 23 / 67) * (1 + slip) * (2 if fault == "BSF" else 1)
         struck = np.diff(np.floor(order * angle / TURN), prepend=0) > 0
         load = {"BPFI": 1 + np.cos(angle), "BSF": 1 + np.cos(ORDERS["FTF"] * angle)}
         struck = struck * load.get(fault, 1.0)
