@@ -56,7 +56,7 @@ def check_real_array(values: ArrayLike, name: str) -> NDArray[np.floating]:
             f"Pass the real and the imaginary part as two channels."
         )
     if array.dtype.kind not in "biuf":
-        raise TypeError(f"{name} must be numeric, got {_first_word(values, array)}.")
+        raise TypeError(f"{name} must be numeric, got {first_non_number(values, array)}.")
     if array.dtype.kind != "f" or array.dtype.itemsize not in (4, 8):
         return array.astype(np.float64)
     return array.astype(array.dtype.newbyteorder("="), copy=False)
@@ -191,7 +191,7 @@ def once_hint(values: Any) -> str:
     return " It can be read only once; write list(...)." if isinstance(values, Iterator) else ""
 
 
-def _first_word(values: Any, array: NDArray[Any]) -> str:
+def first_non_number(values: Any, array: NDArray[Any]) -> str:
     """Say which of the values is no number, and where."""
     if array.ndim == 1:
         given = values if isinstance(values, list | tuple) else array

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm._checks import located
+from emacm._checks import first_non_number, located
 from emacm._saved import written_whole
 from emacm.files.file_columns import (
     FileColumns,
@@ -225,10 +225,8 @@ def contents_of(path: Path) -> Contents:
         found.n_pulses = pulses.get(found.shaft or "", 0)
     texts = [name for name in columns.columns if name not in found.numbers and name != times]
     for name in texts:
-        place, value = next(
-            (n, value) for n, value in enumerate(columns.columns[name]) if isinstance(value, str)
-        )
-        found.unused[name] = f"it does not consist of numbers, got {value[:60]!r} at sample {place}"
+        first = first_non_number(columns.columns[name], columns.columns[name])
+        found.unused[name] = f"it does not consist of numbers, got {first}"
     found.unused |= dict.fromkeys(shafts[1:], "it is named like the motion of a shaft")
     if found.missing_rates:
         names = ", ".join(found.missing_rates)

@@ -84,6 +84,13 @@ def test_a_bad_file_is_one_line_and_status_2(tmp_path, capsys, content):
     assert "a.npz" in printed
 
 
+def test_dates_beside_channels_are_not_used(tmp_path, capsys):
+    path, days = tmp_path / "a.npz", np.arange("2026-01-01", "2026-01-05", dtype="M8[D]")
+    np.savez(path, vib=np.arange(4.0), day=days, fs=10.0)
+    assert main(["inspect", str(path)]) == 0
+    assert "Not used: 'day', it does not consist of numbers, got" in capsys.readouterr().out
+
+
 def test_a_speed_without_a_unit_is_proposed_as_velocity_with_the_unit_of_its_name(tmp_path, capsys):
     path, draft = tmp_path / "a_1.csv", tmp_path / "layout.toml"
     rows = "".join(f"{i / 8};{5 - i};{1500 + i};{400 - i};ok\n" for i in range(20))
