@@ -192,14 +192,17 @@ def set_costs(
 
 
 def _doubts(costs: pd.DataFrame, labels: Sequence[Any]) -> Iterator[str]:
-    """State decisions that are never made, and wrong ones that cost less than the right one."""
-    classes = [label for label in labels if label in costs.index]
-    for label in labels:
-        if classes and label not in classes:
-            yield f"it has no row for the decision {str(label)!r}, which is then never made."
-    for label in (label for label in classes if label in costs.columns):
+    """State decisions that are never made, and wrong ones that cost less than the right one.
+
+    Rows may be other decisions than the classes: families, of which one costs nothing.
+    """
+    has_classes = costs.index.isin(labels).any()
+    for label in costs.columns.intersection(labels):
         column = pd.to_numeric(costs[label], errors="coerce")
-        if column.min() < column[label]:
+        if label not in column:
+            if has_classes and column.min() > 0:
+                yield f"it has no row for the decision {str(label)!r}, which is then never made."
+        elif column.min() < column[label]:
             yield (
                 f"if {str(label)!r} is true, deciding {str(column.idxmin())!r} costs "
                 f"{column.min():g}, the right decision {column[label]:g}: wrong sign, or rows and "

@@ -6,7 +6,7 @@ import argparse
 import re
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import floor
 from pathlib import Path
 from typing import Any
@@ -60,14 +60,8 @@ def run(options: argparse.Namespace) -> int:
         [meta_value(Path(path), layout, key) for path in paths]
         for key in (options.labels, options.groups)
     )
-    spelled: dict[str, str] = {}
-    for label in dict.fromkeys(map(str, labels)):
-        other = spelled.setdefault(label.strip().casefold(), label)
-        if other != label:
-            text = (
-                f"the states {other!r} and {label!r} differ in case or spaces only: are they one?"
-            )
-            print(f"emacm: WARNING: {text}", file=sys.stderr)
+    for text in _alike(labels):
+        print(f"emacm: WARNING: {text}", file=sys.stderr)
     healthy = healthy_label(labels, options.healthy, "--healthy")
     model = _recipe(X, options) if options.like is None else clone(old[-1])
     set_costs(model, options.cost, options.priors, labels)
@@ -91,6 +85,15 @@ def run(options: argparse.Namespace) -> int:
     save_model(model, options.out, note=options.note, healthy=healthy, evidence=evidence)
     print(f"Model: {options.out}")
     return 0
+
+
+def _alike(labels: Sequence[Any]) -> Iterator[str]:
+    """State labels that are probably one."""
+    spelled: dict[str, str] = {}
+    for label in dict.fromkeys(map(str, labels)):
+        other = spelled.setdefault(label.strip().casefold(), label)
+        if other != label:
+            yield f"the states {other!r} and {label!r} differ in case or spaces only: are they one?"
 
 
 def _stored_features(model: Pipeline, options: argparse.Namespace) -> tuple[list[str], Any]:

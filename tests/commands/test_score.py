@@ -194,6 +194,9 @@ def test_costs_and_priors_are_those_of_the_command(here, capsys):
     assert run("--cost", "cost.csv") == 0
     text = "cost.csv: it has no row for the decision 'worn', which is then never made"
     assert text in capsys.readouterr().err
+    Path("cost.csv").write_text("decision,ok,worn\nok,0,10\nany fault,1,0\n")  # families
+    assert run("--cost", "cost.csv") == 0
+    assert "WARNING: cost.csv" not in capsys.readouterr().err
 
 
 # Continued tables
