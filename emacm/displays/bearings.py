@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,15 +14,12 @@ from emacm.displays import _drawing, _tables
 from emacm.displays._drawing import Display
 from emacm.envelopes.kurtogram import Kurtogram, kurtogram
 from emacm.machine.fault_lines import LineLevels
-from emacm.machine.fault_orders import fault_series, only_damage
-from emacm.machine.parts import Part
+from emacm.machine.fault_orders import Parts, fault_series, only_damage
 from emacm.models.recipes import bearing_recipe
 from emacm.orders.columns import column_names, parse_order_columns
 from emacm.recordings.recording import Recording
 
 SLIP = 0.02  # largest deviation of rolling elements from the predicted orders, as a fraction
-
-Parts = Part | Mapping[str, float] | Sequence[Part | Mapping[str, float]]
 
 
 @dataclass(eq=False, repr=False)

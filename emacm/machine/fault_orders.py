@@ -337,8 +337,27 @@ class _DamagedPart(Part):
         return tuple(line for line in self.part.lines() if line.of_damage)
 
 
-def only_damage(parts: Any) -> Any:
-    """Return parts without the lines that undamaged ones have too; all else as it is.
+Parts = Sequence[Part | Mapping[str, float]] | Part | Mapping[str, float]
+
+
+def _listed(parts: Parts) -> Sequence[Part | Mapping[str, float]]:
+    """Return a list of parts; raise a TypeError if there is none."""
+    listed = [parts] if isinstance(parts, Part | Mapping) else parts
+    if isinstance(listed, str) or not isinstance(listed, Sequence) or not listed:
+        raise TypeError(
+            f"parts must be a part such as a Bearing, or a list of at least one part; got "
+            f"{parts!r}."
+        )
+    return listed
+
+
+def only_damage(parts: Parts) -> list[Part | Mapping[str, float]]:
+    """Return parts without the lines that undamaged ones have too.
+
+    Raises
+    ------
+    TypeError
+        If there is no part.
 
     Examples
     --------
@@ -346,10 +365,7 @@ def only_damage(parts: Any) -> Any:
     >>> [line.name for line in only_damage(Gear(8, 42))[0].lines()]
     ['pinion', 'wheel']
     """
-    listed = [parts] if isinstance(parts, Part | Mapping) else parts
-    if isinstance(listed, str) or not isinstance(listed, Sequence):
-        return parts
-    return [_DamagedPart(part) if isinstance(part, Part) else part for part in listed]
+    return [_DamagedPart(part) if isinstance(part, Part) else part for part in _listed(parts)]
 
 
 @dataclass(frozen=True)
@@ -380,9 +396,7 @@ class FaultSeries:
     strikes: int = 1
 
 
-def fault_series(
-    parts: Sequence[Part | Mapping[str, float]] | Part | Mapping[str, float], harmonics: int
-) -> tuple[FaultSeries, ...]:
+def fault_series(parts: Parts, harmonics: int) -> tuple[FaultSeries, ...]:
     """Return the series of lines of each fault of a machine.
 
     Parameters
@@ -415,14 +429,8 @@ def fault_series(
     FTF [0.398, 0.797]
     """
     check_count(harmonics, "harmonics", at_most=100)
-    listed = [parts] if isinstance(parts, Part | Mapping) else parts
-    if isinstance(listed, str) or not isinstance(listed, Sequence) or not listed:
-        raise TypeError(
-            f"parts must be a part such as a Bearing, or a list of at least one part; got "
-            f"{parts!r}."
-        )
     found = []
-    for number, part in enumerate(listed):
+    for number, part in enumerate(_listed(parts)):
         for prefix, _, line in lines_of(part, number):
             orders = line.strikes * np.arange(1, harmonics + 1) * line.order
             more = line.slips, line.kind, line.sidebands, line.strikes

@@ -11,8 +11,7 @@ import pandas as pd
 from emacm._checks import check_count, check_number, located
 from emacm.conditions.healthy import are_recordings, check_rates, common_rates
 from emacm.machine.fault_lines import SETTINGS as LINES
-from emacm.machine.fault_orders import fault_series, only_damage
-from emacm.machine.parts import Part
+from emacm.machine.fault_orders import Parts, fault_series, only_damage
 from emacm.models.fault_spectra import SETTINGS, Fault, Measured, Spectrum, measured_spectra
 from emacm.recordings.inputs import check_channel_names
 
@@ -36,7 +35,7 @@ class FaultTable(pd.DataFrame):
 
 def find_faults(
     X: Any,
-    parts: Part | Mapping[str, float] | Sequence[Part | Mapping[str, float]],
+    parts: Parts,
     *,
     harmonics: int = 3,
     slip: float = 0.02,
@@ -267,7 +266,7 @@ class _Finding(NamedTuple):
                 text += f"; {_sentence(found[0], faults)}"
             return cls(faults, " + ".join(names), NONE, best, text)
         passed = [fault for fault in higher if not _unlikely(fault, faults, false_alarm)]
-        if best in passed:
+        if best in passed:  # beside it only a shaft may be more likely
             passed = [best, *(fault for fault in passed if not fault.series.slips)]
         likeliest = max(passed or [best], key=lambda fault: fault.score)
         if likeliest is not best:
