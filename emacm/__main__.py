@@ -36,14 +36,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         ``--fail-on`` was made, and 3 if files failed.
     """
     parser = _parser()
-    warnings.formatwarning = lambda message, *_: f"emacm: WARNING: {message}\n"
     try:
         options, others = parser.parse_known_args(arguments)
         if options.command == "reproduce":
             options.others = others
         elif others:
             parser.error(f"unrecognized arguments: {' '.join(others)}")
-        with _signals_as_interruption():
+        with _signals_as_interruption(), _plain_warnings():
             status = options.run(options) or 0
             sys.stdout.flush()
             return status
@@ -58,6 +57,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         end_of_progress = "\n" if sys.stderr.isatty() else ""
         print(f"{end_of_progress}emacm: interrupted.", file=sys.stderr)
         return _INTERRUPTED
+
+
+@contextmanager
+def _plain_warnings() -> Iterator[None]:
+    """Print warnings as the commands do, without lines of Python."""
+    usual = warnings.formatwarning
+    warnings.formatwarning = lambda message, *_: f"emacm: WARNING: {message}\n"
+    try:
+        yield
+    finally:
+        warnings.formatwarning = usual
 
 
 def _stated(error: Exception) -> str:
