@@ -58,7 +58,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from measure import header, json_option, medians, table, write_json
 from numpy.typing import NDArray
 from scipy import signal, stats
@@ -293,14 +292,19 @@ def scipy_scores(run: Recording, bearing: Bearing) -> dict[str, float]:
     return found
 
 
+def is_named(named: Any) -> NDArray[np.bool_]:
+    """Return whether each name is that of a fault."""
+    return ~np.isin(named, ("none", "not assessed"))
+
+
 def outcomes(truth: NDArray[Any], named: NDArray[Any]) -> dict[str, int]:
     """Return the numbers of right and wrong names, and of false alarms."""
-    is_faulty, is_named = truth != "none", ~np.isin(named, ("none", "not assessed"))
+    is_faulty = truth != "none"
     right = is_faulty & (named == truth)
     return {
         "right": int(right.sum()),
-        "wrong": int((is_faulty & is_named & ~right).sum()),
-        "alarms": int((~is_faulty & is_named).sum()),
+        "wrong": int((is_faulty & is_named(named) & ~right).sum()),
+        "alarms": int((~is_faulty & is_named(named)).sum()),
     }
 
 
@@ -430,11 +434,6 @@ def damaged(part: Bearing | Gear, sizes: dict[str, float], seed: int) -> Recordi
     return Recording({CHANNEL: x}, fs, velocity=2 * np.pi * rate)
 
 
-def is_named(found: pd.DataFrame) -> pd.Series:
-    """Return whether a fault is named, for each row of `find_faults`."""
-    return ~found["named"].isin(["none", "not assessed"])
-
-
 def sets_of_faults(every: int) -> list[dict[str, Any]]:
     """Return the share of simulated bearings and gears of which exactly the faults are named."""
     rows = []
@@ -445,7 +444,10 @@ def sets_of_faults(every: int) -> list[dict[str, Any]]:
             before = [damaged(part, {}, seed) for seed in range(100, 108)]
             options["healthy"] = healthy_scores(before, part)
         found = find_faults([damaged(part, {}, n) for n in range(20)][::every], part, **options)
-        row: dict[str, Any] = {"part": name, "healthy: named": float(is_named(found).mean())}
+        row: dict[str, Any] = {
+            "part": name,
+            "healthy: named": float(is_named(found["named"]).mean()),
+        }
         for what, sizes in (("one", (1,)), ("two, equal", (1, 1)), ("two, one of half", (1, 0.5))):
             exact = []
             sets = itertools.permutations(kinds, len(sizes))
@@ -457,7 +459,7 @@ def sets_of_faults(every: int) -> list[dict[str, Any]]:
         others = [*itertools.product(OTHERS, range(20))][::every]
         runs = [damaged(part, {order: 1}, seed) for order, seed in others]
         found = find_faults(runs, part)
-        row["other impacts: named"] = float(is_named(found).mean())
+        row["other impacts: named"] = float(is_named(found["named"]).mean())
         rows.append(row)
     return rows
 
