@@ -101,8 +101,8 @@ class ConditionBaseline(  # type: ignore[call-arg]
             if value not in self.conditions_:
                 raise ValueError(
                     f"{entry_name(X, index)} has {condition_name(self.condition, value)}, but "
-                    f"there are healthy recordings of {list(self.conditions_)} only. Give some of "
-                    f"it as baseline_recordings, or train with them."
+                    f"there are healthy recordings of {list(self.conditions_)} only. Give "
+                    f"healthy recordings of it as baseline_recordings, or train with them."
                 )
         return found
 

@@ -296,7 +296,7 @@ def longest_stroke(recording: Recording, top: float, channels: Any, *, shortest:
     """
     longest = max((path.length for path in recording.paths()), default=0.0) / (2 * np.pi)
     fastest = np.abs(recording.velocity).max() / (2 * np.pi)
-    speed = f"its speed and the unit of it (the highest is {60 * fastest:.4g} rpm)"
+    speed = f"its speed (at most {60 * fastest:.4g} rpm) and the unit of it"
     if longest < shortest:
         raise ValueError(
             f"its longest stroke has {longest:.3g} revolutions; {shortest} are needed to separate "
