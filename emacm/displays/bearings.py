@@ -161,7 +161,7 @@ class FaultLinesDisplay(Display):
         marks.index = [name if k == 1 else f"{k}x{name}" for name, k in table.index]
         gap = _drawing.mark_orders(ax, marks)
         ax.set_xlabel(_drawing.ORDER_LABEL)
-        _drawing.label_y(ax, f"envelope order spectrum of {self.channel}", "dB re 1/order")
+        _drawing.label_y(ax, f"envelope of {self.channel}", "dB re 1/order")
         _drawing.legend_above(ax, gap=gap)
         return ax
 
