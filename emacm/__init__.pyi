@@ -1,5 +1,7 @@
 """Public names of emacm; each is imported from its module when it is first used (SPEC 1)."""
 
+from ._statements import EmacmWarning as EmacmWarning
+from ._statements import Statement as Statement
 from ._version import __version__ as __version__
 from .conditions.feature_baseline import FeatureBaseline as FeatureBaseline
 from .conditions.router import ConditionRouter as ConditionRouter
@@ -73,6 +75,7 @@ __all__ = [
     "CepstralPrewhitening",
     "ConditionRouter",
     "CostSensitiveGaussianBayes",
+    "EmacmWarning",
     "EnvelopeDetector",
     "FaultLines",
     "FeatureBaseline",
@@ -94,6 +97,7 @@ __all__ = [
     "RecordingStatistics",
     "ShaftHarmonics",
     "SignalBaseline",
+    "Statement",
     "StrokeProfile",
     "SynchronousAverage",
     "__version__",

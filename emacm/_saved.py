@@ -11,7 +11,6 @@ from __future__ import annotations
 import importlib
 import os
 import platform
-import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -21,6 +20,7 @@ from typing import Any
 import pandas as pd
 from sklearn.base import BaseEstimator
 
+from emacm._statements import warn
 from emacm._version import __version__
 
 try:
@@ -50,10 +50,10 @@ class SavedEstimator(BaseEstimator):
         state = dict(state)
         saved = state.pop(_KEY, "an unknown version")
         if saved != __version__:
-            warnings.warn(
+            warn(
+                "version",
                 f"{type(self).__name__} was saved by emacm {saved} and is loaded by emacm "
                 f"{__version__}: its results may differ. Fit it again.",
-                UserWarning,
                 stacklevel=2,
             )
         super().__setstate__({name: _restored(value) for name, value in state.items()})

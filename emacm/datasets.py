@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -12,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.spatial.distance import pdist, squareform
 
+from emacm._statements import warn
 from emacm.recordings.recording import Recording
 from emacm.shaft.angle import angle_from_position
 
@@ -49,7 +49,7 @@ def load_cranfield(
 
     Warns
     -----
-    UserWarning
+    EmacmWarning
         If the file contains sequences twice; the copy of the later run is left out.
 
     Raises
@@ -118,7 +118,8 @@ def _without_copies(arrays: dict[str, NDArray[Any]], same: float = 1e-5) -> NDAr
             f"{arrays['state'][j]} at {arrays['load_kgf'][j]} kgf, run {run[j]} = run {run[i]}"
             for i, j in zip(first, later, strict=True)
         }
-        warnings.warn(
+        warn(
+            "repeated recordings",
             f"{len(set(later))} sequences are in the file twice and were left out: "
             f"{'; '.join(sorted(copies))}.",
             stacklevel=3,

@@ -16,6 +16,7 @@ FOLDER = Path(emacm.__file__).parent
 ORDER = [
     "_version",
     "_checks",
+    "_statements",
     "_saved",
     "_kernels",
     "shaft",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from itertools import accumulate
 from typing import Any, NamedTuple, Self
 
@@ -12,6 +11,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from emacm._checks import check_finite_readings, check_number, check_table, group_codes
 from emacm._saved import SavedEstimator
+from emacm._statements import warn
 from emacm.alarms.run_lengths import (
     RunLength,
     cusum_run_length,
@@ -104,7 +104,7 @@ class _Chart(SavedEstimator):
 
         Warns
         -----
-        UserWarning
+        EmacmWarning
             If the readings of a column drift (see `emacm.alarms.stationarity`).
         """
         limit = self._limit()
@@ -328,10 +328,10 @@ def _warn_of_drift(X: Array, parts: NDArray[np.intp]) -> None:
     found = np.array([trend_probability(column, parts) for column in X.T])
     column = int(np.argmin(found))
     if len(X) >= tests.fewest and found[column] < tests.level / X.shape[1]:
-        warnings.warn(
+        warn(
+            "drift",
             f"the baseline drifts in column {column} (modified Mann-Kendall test, p = "
             f"{found[column]:.2g}): its mean is not that of the readings to come. Take it after "
             f"the machine has run in; if the rows are not in the order of measurement, sort them.",
-            UserWarning,
             stacklevel=3,
         )

@@ -17,6 +17,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from emacm._checks import check_choice, check_number, check_table, located
 from emacm._saved import SavedEstimator
+from emacm._statements import warn
 from emacm.alarms.stationarity import instability
 from emacm.calibration.left_out import grouped_quantile, groups_needed, left_out
 from emacm.recordings.inputs import as_list, paths_or_numbers
@@ -227,7 +228,7 @@ class HealthIndex(TransformerMixin, SavedEstimator):
 
         Warns
         -----
-        UserWarning
+        EmacmWarning
             Without `groups`; if the groups, in their order, are not exchangeable: a drift or
             a correlation of successive ones.
         """
@@ -236,10 +237,10 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         check_table(X)
         X = validate_data(self, X, dtype=np.float64, ensure_min_samples=2)
         if groups is None:
-            warnings.warn(
+            warn(
+                "groups",
                 "without groups, single recordings are left out: near-duplicates, such as parts of "
                 "one run, then make the limits too low. Pass groups=, such as the run.",
-                UserWarning,
                 stacklevel=2,
             )
         own = None if units is None else _labels(X, units, "units")
@@ -283,7 +284,7 @@ class HealthIndex(TransformerMixin, SavedEstimator):
 
         Warns
         -----
-        UserWarning
+        EmacmWarning
             If several rows of `fit` are among X: they are closer to their mean than new ones are.
         """
         check_is_fitted(self)
@@ -292,11 +293,11 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         own = None if units is None else _labels(X, units, "units")
         known = int(np.isin(_row_digests(X), self._fitted_rows).sum())
         if known > 1:  # a single row is no baseline
-            warnings.warn(
+            warn(
+                "rows of fit",
                 f"{known} of {len(X)} rows are those of fit, whose index is smaller than that of "
                 f"new recordings. As the baseline of a chart, use left_out_['index'], that of "
                 f"recordings that were left out.",
-                UserWarning,
                 stacklevel=3,
             )
         return self._baselines.distances(X, own)[:, np.newaxis]
@@ -346,13 +347,13 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         parts = means.index.get_level_values(0).to_numpy()
         reason = instability(means.to_numpy(), parts)
         if reason:
-            warnings.warn(
+            warn(
+                "drift",
                 f"the baseline is not stationary: in the order of the {len(means)} groups, "
                 f"{reason}. Healthy recordings will exceed the limits more often than false_alarm, "
                 f"up to nearly always. Take the baseline after the machine has run in, over days "
                 f"rather than minutes, and pass groups= that are longer than such changes. If the "
                 f"rows are not in the order of measurement, sort them.",
-                UserWarning,
                 stacklevel=3,
             )
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,6 +12,7 @@ from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_finite_table, check_real_array
+from emacm._statements import warn
 from emacm.conditions.healthy import ConditionBaseline, check_rates
 from emacm.orders.columns import OrderTable, column_names
 
@@ -219,7 +219,8 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
             shift, scatter = np.abs(own.mean(axis=0) - mean), own.std(axis=0, ddof=1)
             ratios = shift[scatter > 0] / scatter[scatter > 0]
             if len(ratios) and np.median(ratios) > 10:
-                warnings.warn(
+                warn(
+                    "baseline",
                     f"condition {condition!r}: the features of its {len(own)} recordings differ "
                     f"from the healthy means by {np.median(ratios):.3g} times their scatter "
                     f"(median over the features). They may have been measured differently: compare "

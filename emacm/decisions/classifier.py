@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted, column_or_1d, validate_dat
 
 from emacm._checks import check_choice, check_number, check_table, check_weights, positive_weights
 from emacm._saved import SavedEstimator
+from emacm._statements import warn
 from emacm.calibration.left_out import Array, Indices
 from emacm.decisions.costs import cost_table
 from emacm.decisions.gaussians import (
@@ -193,7 +193,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
 
         Warns
         -----
-        UserWarning
+        EmacmWarning
             If `groups` are needed and not given.
         """
         self._check_parameters()
@@ -409,7 +409,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
         if self.shrinkage is not None:
             raise ValueError(f"{what} with shrinkage={self.shrinkage!r}. {remedy}")
         raised = "its eigenvalues were raised to 1e-9 of the largest feature variance"
-        warnings.warn(f"{what}; {raised}. {remedy}", UserWarning, stacklevel=stacklevel)
+        warn("singular", f"{what}; {raised}. {remedy}", stacklevel=stacklevel)
 
     def _named(self, groups: NDArray[np.bool_]) -> str:
         if self._moments.pooled:

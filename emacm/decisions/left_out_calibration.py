@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from bisect import bisect_right
 from typing import Any, NamedTuple
 
@@ -16,6 +15,7 @@ from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, check_number, group_codes
+from emacm._statements import warn
 from emacm.calibration.left_out import (
     Array,
     Indices,
@@ -188,11 +188,11 @@ class LeftOutMixin(LeastRiskMixin):
         """Set what is found by leaving each group out; without groups, single recordings."""
         rows = np.flatnonzero(weight > 0)
         if groups is None:
-            warnings.warn(
+            warn(
+                "groups",
                 f"fit was called without groups, so single recordings are left out. Those that "
                 f"were measured together (one unit, one run) make the model over-confident: give "
                 f"their labels, in a pipeline as {type(self).__name__.lower()}__groups=units.",
-                UserWarning,
                 stacklevel=3,
             )
             units = single_recordings(codes[rows], X[rows])

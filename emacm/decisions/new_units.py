@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from contextlib import suppress
 from typing import Any
 
@@ -14,6 +13,7 @@ from scipy.stats import mannwhitneyu
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_number, group_codes
+from emacm._statements import warn
 from emacm.calibration.left_out import Array, Indices, grouped_quantile
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.gaussians import class_gaussians, class_moments, shrinkage_coefficients
@@ -128,16 +128,16 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
 
         Warns
         -----
-        UserWarning
+        EmacmWarning
             If there are no `groups`.
         """
         self._levels, self._without_units = None, groups is None
         super().fit(X, y, groups=groups)
         if groups is None:
-            warnings.warn(
+            warn(
+                "groups",
                 "NewUnitClassifier was fitted without groups, and knows no difference between "
                 "units. Give them, in a pipeline as newunitclassifier__groups=units.",
-                UserWarning,
                 stacklevel=2,
             )
             return self
@@ -190,7 +190,7 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
 
         Warns
         -----
-        UserWarning
+        EmacmWarning
             If the units are less typical than those of the training were when they were left out
             (test of Mann and Whitney on the mean typicality of each unit, at 5 %): the coverage
             holds for units of the same kind only. On simulated fleets of 50 units the warning came
@@ -225,11 +225,11 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         usual = pd.Series(known).groupby(units).mean()
         probability = mannwhitneyu(new, usual, alternative="less").pvalue
         if probability < level:
-            warnings.warn(
+            warn(
+                "shifted units",
                 f"{len(new)} units with a mean typicality of {new.mean():.2g} are less "
                 f"typical than those of the training (p = {probability:.2g}): the sets may contain "
                 f"the true class less often than stated. Train with such units.",
-                UserWarning,
                 stacklevel=3,
             )
 

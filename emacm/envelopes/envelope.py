@@ -9,7 +9,6 @@ resampled over the shaft angle, in which the repetition rate is constant.
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ import scipy  # which imports scipy.signal, a tenth of a second, when it is used
 from numpy.typing import NDArray
 
 from emacm._checks import check_choice, check_number
+from emacm._statements import warn
 from emacm.envelopes.prewhitening import WhitenedBand, WhitenedSeries
 from emacm.recordings.series import ComputedSeries
 from emacm.shaft.motion import BLOCK, Series, mirrored
@@ -242,11 +242,11 @@ def warn_of_long_filter(low: float, high: float, fs: float, *, excessive: float 
     usual = (high - low) / 8  # distance from 0 and half the sampling rate
     times = usual / min(usual, low, fs / 2 - high)
     if times > excessive:
-        warnings.warn(
+        warn(
+            "filter",
             f"the band {low:g} to {high:g} Hz is so near to 0 or half the sampling rate that its "
             f"filter lasts {kaiser_order(low, high, fs)[0] / fs:.3g} s, {times:.3g} times as long "
             f"as its width requires; impacts are smeared by as much. Keep it within {usual:.3g} "
             f"and {fs / 2 - usual:.6g} Hz.",
-            UserWarning,
             stacklevel=2,
         )

@@ -7,7 +7,6 @@ or loads. `evaluate` scores all of these schemes and lists the limits of the con
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from emacm._checks import check_count
+from emacm._statements import warn
 from emacm.decisions.costs import stated_costs
 from emacm.evaluation.caveats import single_unit_labels
 from emacm.evaluation.held_out import all_schemes, decide_held_out, read_groupings
@@ -85,7 +85,7 @@ def evaluate(
 
     Warns
     -----
-    UserWarning
+    EmacmWarning
         If a label occurs in one unit only.
 
     Raises
@@ -163,5 +163,5 @@ def evaluate(
     result = score_held_out(held_out, rule)
     by_unit = groupings["units"]
     if by_unit is not None and single_unit_labels(labels, by_unit.labels.tolist()):
-        warnings.warn(result.caveats[0], UserWarning, stacklevel=2)
+        warn("single units", result.caveats[0], stacklevel=2)
     return result

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import os
 import re
-import warnings
 from collections.abc import Sequence
 from io import StringIO
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from emacm._statements import warn
 from emacm.files.file_columns import FileColumns, RefusedFileError
 from emacm.recordings.names import is_time_name, printable, split_unit
 
@@ -58,7 +58,7 @@ def read_csv(
 
     Warns
     -----
-    UserWarning
+    EmacmWarning
         If the last row has no line end, and is left out: its last number may be incomplete.
 
     Raises
@@ -190,7 +190,8 @@ def _complete_rows(path: Path, encoding: str) -> Path | StringIO:
             return path
     rows, line_end, last = path.read_text(encoding=encoding).rpartition("\n")
     if last.strip():
-        warnings.warn(
+        warn(
+            "incomplete row",
             f"{printable(path)}: its last row has no line end, so that its last number may be "
             f"incomplete; it is left out. Copy the file again, or add a line end.",
             stacklevel=2,

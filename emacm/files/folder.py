@@ -275,7 +275,7 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> FileRecordin
 
     Warns
     -----
-    UserWarning
+    EmacmWarning
         When samples are read: if the last row of a text has no line end; it is left out.
 
     See Also

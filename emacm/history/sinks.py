@@ -14,7 +14,6 @@ import os
 import re
 import sys
 import time
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from queue import SimpleQueue
@@ -24,6 +23,7 @@ from urllib.parse import quote, urlsplit
 import pandas as pd
 
 from emacm._saved import written_whole
+from emacm._statements import warn
 from emacm.history.sqlite_history import History, is_history
 
 _CONTROL = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]")
@@ -295,7 +295,7 @@ class MqttSink:
 
     Warns
     -----
-    UserWarning
+    EmacmWarning
         By `write` and `close`, if the broker cannot be reached, or refuses the user or a message.
     """
 
@@ -339,7 +339,7 @@ class MqttSink:
             if problem and problem not in self._stated:
                 self._stated.add(problem)
                 text = f"{self._url}: {problem}. What it does not acknowledge is kept in"
-                warnings.warn(f"{text} {self._history.path}.", UserWarning, stacklevel=3)
+                warn("not sent", f"{text} {self._history.path}.", stacklevel=3)
             if problem and identity:
                 self._refused.add(identity)  # another message of this record does not make it sent
             elif identity and identity not in {*self._pending.values(), *self._refused}:

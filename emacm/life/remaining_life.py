@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Self
@@ -21,6 +20,7 @@ from emacm._checks import (
     check_table,
 )
 from emacm._saved import SavedEstimator
+from emacm._statements import warn
 from emacm.life.life_calibration import (
     WITHOUT_INDEX,
     History,
@@ -424,10 +424,10 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         texts = outside_fit(X, self._fitted_range, margin=margin)
         rows = [row for row, text in enumerate(texts) if text]
         if rows:
-            warnings.warn(
+            warn(
+                "extrapolation",
                 f"{len(rows)} of {len(X)} readings are far outside the range of the fit, where "
                 f"predictions extrapolate; row {rows[0]}: {texts[rows[0]]}",
-                UserWarning,
                 stacklevel=4,
             )
 

@@ -22,6 +22,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import located
 from emacm._saved import installed_versions, values_as_lists, written_whole
+from emacm._statements import warn
 from emacm.decisions.pipelines import fitted_resamplers, parts_of
 from emacm.decisions.truths import label_positions
 
@@ -193,7 +194,7 @@ def load_model(path: str | os.PathLike[str]) -> Any:
 
     Warns
     -----
-    UserWarning
+    EmacmWarning
         If the model was saved under other versions.
 
     See Also
@@ -213,10 +214,10 @@ def load_model(path: str | os.PathLike[str]) -> Any:
         differ = _differences(about["versions"])
         _replay(model, about["check"], differ)
     if differ:
-        warnings.warn(
+        warn(
+            "version",
             f"{path} was saved under other versions: {differ}. Its check rows give the same "
             f"posteriors here.",
-            UserWarning,
             stacklevel=2,
         )
     return model

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
+from emacm._statements import Statement
 from emacm.conditions.present_costs import with_present_costs
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import (
@@ -36,7 +37,6 @@ from emacm.recordings.inputs import as_list, paths_or_numbers, received, run
 from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler
 from emacm.resampling.quality import Quality, recording_quality
-from emacm.resampling.training_range import Statement
 from emacm.stroke_features.transformer import StrokeFeatures
 
 Row = dict[str, Any]

@@ -177,7 +177,7 @@ class BinTransformer(OrderTableTransformer):
 
         Warns
         -----
-        UserWarning
+        EmacmWarning
             If spectral lines exceed their maximum in the training by more than `new_line_limits_`.
         """
         psd = self._checked_table(X, reset=False)

@@ -17,6 +17,7 @@ from emacm._checks import (
     check_unique_columns,
     located,
 )
+from emacm._statements import Statement
 from emacm.recordings.inputs import (
     RecordingTransformer,
     as_list,
@@ -31,7 +32,6 @@ from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import INTERPOLATIONS, AngleRecording, jump_warning
 from emacm.resampling.quality import recording_quality
 from emacm.resampling.training_range import (
-    Statement,
     other_conditions,
     outside_range,
     training_conditions,

@@ -7,33 +7,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from numbers import Real
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from emacm._statements import Statement
 from emacm.recordings.inputs import described
 from emacm.recordings.names import unit_ratio
 from emacm.resampling.quality import Quality
-
-
-class Statement(NamedTuple):
-    """A sentence, with the number that it states and the limit that this number exceeds.
-
-    Attributes
-    ----------
-    text : str
-        The sentence, with its unit.
-    severe : bool
-        Whether a decision should not be relied on; such statements are warned of.
-    value, limit : float or None
-        The number, and its limit in the training or in a standard; None where there is none.
-    """
-
-    text: str
-    severe: bool = False
-    value: float | None = None
-    limit: float | None = None
-
 
 Range = tuple[float, float]
 
@@ -142,7 +123,8 @@ def other_conditions(
         if isinstance(value, Real) and not np.isclose(float(value), values, near).any():
             listed = ", ".join(f"{v:.4g}" for v in values[: LIMITS.listed])
             more = f" to {values[-1]:.4g}" if len(values) > LIMITS.listed else ""
-            yield Statement(f"{name} {value:.4g}, in the training {listed}{more}", False)
+            text = f"{name} {value:.4g}, in the training {listed}{more}"
+            yield Statement("condition", "", text, value=float(value))
 
 
 def outside_range(
@@ -219,7 +201,9 @@ def _speed(row: Mapping[str, float], known: Mapping[str, Range]) -> list[Stateme
     hint = f": is it in {units[0]}?" if units else ""
     way = "above" if fastest > high else "below"
     text = f"highest speed {fastest:.4g} rad/s is {way} that of the training, {_span(low, high)}"
-    return [Statement(f"{text} rad/s{hint}", bool(units))]  # other speeds may be intended
+    limit = high if fastest > high else low
+    # other speeds may be intended
+    return [Statement("speed", "", f"{text} rad/s{hint}", bool(units), fastest, limit)]
 
 
 def direction_statements(forward: float, known: Range | None) -> list[Statement]:
@@ -254,7 +238,7 @@ def direction_statements(forward: float, known: Range | None) -> list[Statement]
         f"sign of the shaft reference, keep one direction by OrderResampler(direction={kept!r}), "
         f"or train on both directions"
     )
-    return [Statement(text, True)]
+    return [Statement("direction", "", text, True, new)]
 
 
 def _units(units: Mapping[str, str], known: Mapping[str, Sequence[str]]) -> Iterator[Statement]:
@@ -272,17 +256,26 @@ def _units(units: Mapping[str, str], known: Mapping[str, Sequence[str]]) -> Iter
             f"channel {channel!r} is in {unit}, in the training in {' or '.join(usual)}: {remedy}, "
             f"or correct the unit, if it is {usual[0]}"
         )
-        yield Statement(text, True)
+        yield Statement("unit", channel, text, True)
 
 
 def _rates(rates: Mapping[str, float], known: Mapping[str, Range]) -> list[Statement]:
-    others: dict[str, list[str]] = {}
+    others: dict[tuple[float, float, float], list[str]] = {}
     for channel, rate in rates.items():
         low, high = known[f"fs of {channel}"]
         if not low * (1 - LIMITS.rate) <= rate <= high * (1 + LIMITS.rate):
-            text = f"sampling rate {rate:.6g} Hz, in the training {_span(low, high)} Hz"
-            others.setdefault(text, []).append(channel)
-    return [Statement(f"{_channels(names)}: {text}", False) for text, names in others.items()]
+            others.setdefault((rate, low, high), []).append(channel)
+    return [
+        Statement(
+            "sampling rate",
+            names[0] if len(names) == 1 else "",
+            f"{_channels(names)}: sampling rate {rate:.6g} Hz, in the training "
+            f"{_span(low, high)} Hz",
+            value=rate,
+            limit=high if rate > high else low,
+        )
+        for (rate, low, high), names in others.items()
+    ]
 
 
 def _too_short(row: Mapping[str, float], known: Mapping[str, Range]) -> list[Statement]:
@@ -293,10 +286,11 @@ def _too_short(row: Mapping[str, float], known: Mapping[str, Range]) -> list[Sta
     }
     if row["strokes"] == 1:  # the stroke is the whole
         del texts["longest_stroke"]
+    found = [(text, row[name], known[name][0]) for name, text in texts.items()]
     return [
-        Statement(text.format(row[name], known[name][0]), False)
-        for name, text in texts.items()
-        if row[name] < known[name][0] / LIMITS.factor
+        Statement("length", "", text.format(value, least), value=value, limit=least)
+        for text, value, least in found
+        if value < least / LIMITS.factor
     ]
 
 
@@ -309,14 +303,19 @@ def _levels(levels: Mapping[str, float], known: Mapping[str, Range]) -> list[Sta
         crossed = _decibels(levels[one], *ranges[other]), _decibels(levels[other], *ranges[one])
         if max(map(abs, crossed)) < LIMITS.level:
             text = f"levels of {_channels((one, other))} as if exchanged: are they swapped?"
-            return [Statement(text, True)]
+            return [Statement("channels", "", text, True)]
     gain = _common_gain(levels, ranges) if len(found) == len(levels) > 1 else None
     if gain is not None:
-        return [Statement(f"all channels {in_decibels(gain)}: gain or unit?", severe)]
+        text = f"all channels {in_decibels(gain)}: gain or unit?"
+        return [Statement("level", "", text, severe, gain, LIMITS.level)]
     return [
         Statement(
+            "level",
+            name,
             f"channel {name!r} {in_decibels(value)}, {_span(*ranges[name])} (root mean square)",
             abs(value) >= LIMITS.far_level,
+            value,
+            LIMITS.level,
         )
         for name, value in found.items()
     ]

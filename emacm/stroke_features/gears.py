@@ -5,7 +5,6 @@ The signals of the functions are one revolution of the shaft of the gear, at uni
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from typing import Any, Self
 
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm._checks import check_count
+from emacm._statements import warn
 from emacm.recordings.inputs import as_recordings, run
 from emacm.resampling.angle_recording import AngleRecording, as_angle_recordings
 from emacm.stroke_features.statistics import normalized_moment
@@ -280,14 +280,14 @@ class GearIndicators(_RevolutionFeatures):
         rows, gears = np.nonzero(modulation > largest)
         if len(rows):
             channel = self._columns_out[gears[0] * len(_INDICATORS)].rpartition(":")[0]
-            warnings.warn(
+            warn(
+                "angle reference",
                 f"recording {rows[0]}: {channel}: the phase of the mesh is modulated once per "
                 f"revolution by {modulation[rows[0], gears[0]]:.2g} rad (so in {len(set(rows))} of "
                 f"{len(table)} recordings; accepted is {largest:g}). The angle reference has an "
                 f"error of this over the teeth, or the gear is eccentric by half of this times its "
                 f"module. FM4, M6A and NA4 are unreliable: they miss small faults. Correct the "
                 f"reference, or use NB4.",
-                UserWarning,
                 stacklevel=4,
             )
         moments[:, :, 4:6] /= _positive(self.ensemble_) ** 2
