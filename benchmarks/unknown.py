@@ -76,13 +76,13 @@ from emacm import (
     CostSensitiveGaussianBayes,
     OrderPSD,
     OrderResampler,
+    Statement,
     actuator_recipe,
     score,
 )
 from emacm.datasets import load_cranfield
 from emacm.evaluation.bootstrap import Tally, gap_of_cells
 from emacm.evaluation.figures import log_losses, most_probable
-from emacm.orders.bin_transformer import collected_statements
 from emacm.simulation import simulate_fleet
 
 Array = NDArray[np.float64]
@@ -436,10 +436,8 @@ def weak_lines(n_units: int, n_runs: int, seeds: Iterable[int]) -> pd.DataFrame:
         good, *_ = simulate_fleet(n_units, n_runs, seed=seed, first_unit=1000)
         rng = np.random.default_rng(seed)
 
-        def stated(recording: Any, pipeline: Any = pipeline) -> list[str]:
-            with collected_statements() as texts:
-                pipeline.transform([recording])
-            return texts[0]
+        def stated(recording: Any, pipeline: Any = pipeline) -> list[Statement]:
+            return pipeline[2].new_lines(pipeline[:2].transform([recording]))[0]
 
         rows += [(name, 0.0, bool(stated(x))) for x in good for name in (CURRENT, SHAKING)]
         for x in good[::5]:
@@ -447,7 +445,9 @@ def weak_lines(n_units: int, n_runs: int, seeds: Iterable[int]) -> pd.DataFrame:
                 size = np.sqrt(2) * np.std(x.signals[name])
                 for share in SHARES:
                     changed = line(name, rng.uniform(1.5, 23), share * size)(x, rng)
-                    rows.append((name, share, any(f"{name!r}" in text for text in stated(changed))))
+                    rows.append(
+                        (name, share, any(line.channel == name for line in stated(changed)))
+                    )
     frame = pd.DataFrame(rows, columns=["channel", "amplitude", "stated"])
     return frame.groupby(["channel", "amplitude"])["stated"].mean().unstack()
 

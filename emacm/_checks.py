@@ -30,9 +30,11 @@ def located(where: str | Callable[[], str]) -> Iterator[None]:
 
 
 def located_error(error: Exception, where: str) -> Exception:
-    """Return the same error with `where` in front of its message."""
+    """Return the same error with `where` in front of its message, and as its `place`."""
     kind = TypeError if isinstance(error, TypeError) else ValueError
-    return kind(f"{where}: {error}")
+    located_one: Any = kind(f"{where}: {error}")
+    located_one.place = where
+    return located_one
 
 
 def check_real_array(values: ArrayLike, name: str) -> NDArray[np.floating]:

@@ -40,6 +40,10 @@ class Statement:
     value: float | None = None
     limit: float | None = None
 
+    def __str__(self) -> str:
+        """Return the text."""
+        return self.text
+
 
 class EmacmWarning(UserWarning):
     """A warning of emacm; `statement` says what it is about.

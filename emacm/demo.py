@@ -107,7 +107,7 @@ def _print_unlike(model: Pipeline, recording: Recording) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # the same statements
             print(f"{name}: decision {str(model.predict([changed])[0])!r}")
-        print(*(f"    {text}" for text in outside_training(model, [changed])[0]), sep="\n")
+        print(*(f"    {each.text}" for each in outside_training(model, [changed])[0]), sep="\n")
 
 
 def cost_matrix(classes: ArrayLike, missed: float) -> pd.DataFrame:

@@ -80,7 +80,7 @@ def test_the_page_on_the_method_states_what_its_example_gives(tmp_path, monkeypa
     assert [round(100 * rate) for rate in rates] == [int(number) for number in stated]
     model, wrong, saved = names["model"], names["wrong"], load_model("model.skops")
     assert model.predict([wrong]).tolist() == ["unknown"]
-    assert "60 dB" in outside_training(model, [wrong])[0][0]
+    assert "60 dB" in outside_training(model, [wrong])[0][0].text
     recordings = names["recordings"][::7]
     assert list(saved.predict(recordings)) == list(model.predict(recordings))
     assert saved[-1].cost.loc["healthy", "screw"] == 10

@@ -23,6 +23,7 @@ ORDER = [
     "recordings",
     "files",
     "envelopes",
+    "findings",
     "resampling",
     "orders",
     "stroke_features",

@@ -229,7 +229,7 @@ class _Stream:
         self._monitor = OrderMonitor(model, **chosen)
         self._at_once = max(2, round(block * self._fs))
         has_dates = start_of(content, layout) is not None
-        self._records = StreamRecords(model, list(rates), has_dates, options)
+        self._records = StreamRecords(model, has_dates, options)
         self._evidence = None
         if options.keep_alarms:
             kept = options.evidence, options.keep_alarms, self._fs

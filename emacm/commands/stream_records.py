@@ -35,18 +35,14 @@ class StreamRecords:
     ----------
     model : estimator
         The model.
-    channels : sequence of str
-        Channels of the stream.
     has_dates : bool
         Whether the times of the stream are dates, in seconds since 1970.
     options : Namespace
         Options of ``emacm monitor``.
     """
 
-    def __init__(
-        self, model: Any, channels: Sequence[str], has_dates: bool, options: argparse.Namespace
-    ) -> None:
-        self._options, self._channels, self._has_dates = options, channels, has_dates
+    def __init__(self, model: Any, has_dates: bool, options: argparse.Namespace) -> None:
+        self._options, self._has_dates = options, has_dates
         source = options.source
         unit = options.name or ("" if source == "-" else Path(source).stem)
         self._same = {"unit": unit, "recording": printable(Path(source))}
@@ -96,13 +92,8 @@ class StreamRecords:
         record = self._record(reading, reading.start + ahead, reading.time + ahead, content)
         if reading.complete and not self._is_silent(reading):
             known = [record["decision"]] if self._healthy is None else [str(self._healthy)]
-            reasons = reasons_of(
-                record,
-                reading.defects,
-                healthy=known,
-                typicality=self._setting.typicality,
-                channels=self._channels,
-            )
+            limit = self._setting.typicality
+            reasons = reasons_of(record, reading.defects, healthy=known, typicality=limit)
             record["alarms"] = self._alarms.update(reasons, record["end"])
         return record
 

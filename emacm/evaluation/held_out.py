@@ -23,7 +23,6 @@ from emacm._checks import located
 from emacm.conditions.present_costs import narrowed
 from emacm.decisions.pipelines import before_the_last_step, groups_are_units, groups_options
 from emacm.decisions.truths import check_distinct
-from emacm.orders.bin_transformer import collected_statements
 from emacm.recordings.inputs import run
 from emacm.recordings.meta import Grouping, chosen_rows, plain_label, read_grouping
 
@@ -345,9 +344,7 @@ def _decide(
         "recording": fold.test,
         "group": scheme.resampled.labels[fold.test],
     }
-    with located(where), warnings.catch_warnings(), collected_statements():
-        if scheme.may_refuse:  # what is held out is not like the training, by design
-            warnings.filterwarnings("ignore", r"(?s)recording \d+.* training")
+    with located(where):
         try:
             model = narrowed(clone(estimator), np.unique(y[fold.train]), np.unique(y))
             options = groups_options(model, None if groups is None else groups[fold.train])

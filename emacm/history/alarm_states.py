@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any, NamedTuple
 
+from emacm._statements import Statement
 from emacm.history.records import identity
 
 Reasons = dict[tuple[str, str], str]  # by channel and kind
@@ -28,11 +29,10 @@ class Rule(NamedTuple):
 
 def reasons_of(
     record: Mapping[str, Any],
-    defects: Iterable[str],
+    defects: Iterable[Statement],
     *,
     healthy: Collection[str],
     typicality: float = 0.0,
-    channels: Collection[str] = (),
 ) -> Reasons:
     """Return what a record is a reason for an alarm for, in words.
 
@@ -40,14 +40,12 @@ def reasons_of(
     ----------
     record : mapping of str to object
         Fields of a record.
-    defects : iterable of str
-        Sentences on defects of channels, and on what is far outside the training.
+    defects : iterable of Statement
+        Defects of channels, and what is far outside the training.
     healthy : collection of str
         Decisions that are no reason.
     typicality : float
         Typicality at or below which a reading is untypical, which is a reason.
-    channels : collection of str
-        Names of the channels: a sentence that names one belongs to it.
 
     Returns
     -------
@@ -57,7 +55,8 @@ def reasons_of(
     Examples
     --------
     >>> record = {"decision": "worn", "typicality": 0.4, "error": ""}
-    >>> reasons_of(record, ["current: constant"], healthy=["new"], channels=["current"])
+    >>> dead = Statement("constant", "current", "current: constant")
+    >>> reasons_of(record, [dead], healthy=["new"])
     {('', 'decision'): 'worn', ('current', 'input'): 'current: constant'}
     """
     found: Reasons = {}
@@ -67,11 +66,9 @@ def reasons_of(
     if record["decision"] is not None and (record["decision"] not in healthy or rare):
         untypical = f", typicality {record['typicality']:.2g}" if rare else ""
         found["", "decision"] = record["decision"] + untypical
-    longest_first = sorted(channels, key=len, reverse=True)
-    for text in defects:
-        of_channel = (c for c in longest_first if f"'{c}'" in text or text.startswith(f"{c}: "))
-        key = next(of_channel, ""), "input"
-        found[key] = "; ".join(filter(None, [found.get(key), text]))
+    for defect in defects:
+        key = defect.channel, "input"
+        found[key] = "; ".join(filter(None, [found.get(key), defect.text]))
     return found
 
 

@@ -166,8 +166,9 @@ def _of_reading(reading: Any) -> dict[str, Any]:
     found = {name: getattr(reading, name) for name in names}
     found |= {f"P({label})": value for label, value in reading.posterior.items()}
     outside = reading.outside_training
-    found["outside_training"] = "; ".join(outside)
-    found["warnings"] = "; ".join(text for text in reading.defects if text not in outside)
+    found["outside_training"] = "; ".join(statement.text for statement in outside)
+    others = (defect.text for defect in reading.defects if defect not in outside)
+    found["warnings"] = "; ".join(others)
     return found | {"stream_start": reading.start, "stream_end": reading.time}
 
 

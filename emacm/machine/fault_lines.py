@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from emacm._checks import check_number
+from emacm.findings.new_lines import line_heights
 from emacm.machine.fault_orders import FaultSeries, fault_series
 from emacm.machine.parts import Part
-from emacm.orders.bin_transformer import line_heights
 from emacm.orders.columns import OrderTableTransformer, column_names, parse_order_columns
 from emacm.recordings.inputs import check_channel_names, chosen_channels
 

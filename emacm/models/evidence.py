@@ -15,9 +15,9 @@ from emacm.decisions.pipelines import fitted_resamplers
 from emacm.evaluation.novelty import evaluate_unknown
 from emacm.evaluation.results import Evaluation
 from emacm.files.folder import RecordingFolder
+from emacm.findings.training_range import CONDITIONS
 from emacm.recordings.digests import digest_of_file
 from emacm.resampling.order_resampler import OrderResampler
-from emacm.resampling.training_range import LIMITS
 
 
 def training_evidence(
@@ -140,7 +140,7 @@ def operating_points(recordings: Any, labels: Sequence[Any], model: Any = None) 
     speeds = resampler.quality(recordings)[["slowest", "fastest"]]
     points = pd.DataFrame({"state": list(labels)}).join(speeds)
     metas = [recording.meta for recording in recordings]
-    for name in (*LIMITS.conditions, "severity"):
+    for name in (*CONDITIONS, "severity"):
         if all(isinstance(meta.get(name), Real) for meta in metas):
             points[name] = [meta[name] for meta in metas]
     return points

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sklearn.base import clone
 
 from emacm._checks import located
+from emacm.findings.channel_checks import check_channel
 from emacm.machine.fault_lines import SETTINGS as LINES
 from emacm.machine.fault_lines import FaultLines, LineLevels
 from emacm.machine.fault_orders import FaultSeries
@@ -20,7 +21,6 @@ from emacm.models.recipes import bearing_recipe, highest_order, longest_stroke
 from emacm.orders.columns import column_names, parse_order_columns
 from emacm.recordings.inputs import as_recordings, described
 from emacm.recordings.recording import Recording
-from emacm.resampling.quality import CHANNEL_CHECKS, check_channel
 
 
 @dataclass(frozen=True)
@@ -328,10 +328,10 @@ def _defect(recording: Recording, channel: str) -> str:
     starts = [round(path.start_time * recording.shaft_fs) for path in recording.paths()]
     spans = zip(starts, recording.paths(), strict=True)
     turning = [(start / last, (start + path.n_times) / last) for start, path in spans]
-    settings = replace(CHANNEL_CHECKS, digital=1.0)
     if 1 < len(np.unique(recording.series[channel][:4096])) <= SETTINGS.n_values:
         return f"channel {channel!r} has at most {SETTINGS.n_values} values: cable or sensor?"
-    return check_channel(recording.series[channel], channel, turning, settings=settings).text
+    check = check_channel(recording.series[channel], channel, turning, may_be_switch=False)
+    return "" if check.defect is None else check.defect.text
 
 
 def _of_table(

@@ -300,8 +300,8 @@ def _description(
         **{name: _plain(model, name) for name in names},
         "healthy": getattr(model, "healthy_", None),
         "channels": list(fitted[0].channels_) if fitted else [],
-        "units": [getattr(part, "training_units_", {}) for part in fitted],
-        "training_range": [getattr(part, "training_range_", None) for part in fitted],
+        "units": [part.training_range_.units for part in fitted],
+        "training_range": [part.training_range_.ranges for part in fitted],
         "check": list(_check_rows(model)),
         "evidence": evidence,
     }

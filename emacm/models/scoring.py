@@ -6,7 +6,7 @@ With each decision, what is unusual about its recording: `outside_training` and 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import chain
@@ -32,11 +32,11 @@ from emacm.decisions.risks import LeastRiskMixin, decide, risks_of
 from emacm.explanations.deviations import second_state_statement
 from emacm.explanations.explain import explain_decision
 from emacm.files.folder import FileRecording
-from emacm.orders.bin_transformer import BinTransformer, collected_statements
-from emacm.recordings.inputs import as_list, paths_or_numbers, received, run
+from emacm.findings.quality import Quality, recording_quality
+from emacm.orders.bin_transformer import BinTransformer
+from emacm.recordings.inputs import as_list, described, paths_or_numbers, received, run
 from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler
-from emacm.resampling.quality import Quality, recording_quality
 from emacm.stroke_features.transformer import StrokeFeatures
 
 Row = dict[str, Any]
@@ -209,7 +209,10 @@ def _scored_batch(
     return rows
 
 
-def _text_of(error: Exception) -> str:
+def _text_of(error: Any, recording: Recording | None = None) -> str:
+    """Return an error as a text; its row says which recording it is."""
+    while recording is not None and getattr(error, "place", "") == described(recording, 0):
+        error = error.__cause__
     known = isinstance(error, ValueError | TypeError | OSError | ImportError)
     text = str(error) if known else f"{type(error).__name__}: {error}"
     return " ".join(text.split()) or type(error).__name__
@@ -239,7 +242,7 @@ def _fill(model: Any, opened: list[tuple[Row, Recording]]) -> None:
             return
     except Exception as error:
         if len(opened) == 1:
-            opened[0][0]["error"] = _text_of(error)
+            opened[0][0]["error"] = _text_of(error, recordings[0])
             with suppress(Exception):  # defects, such as a dead channel, are often the reason
                 opened[0][0].update(_findings(model, recordings)[0])
             return
@@ -259,9 +262,8 @@ def _by_condition(model: Any, recordings: Sequence[Recording]) -> list[NDArray[n
 
 def _results(model: Any, recordings: list[Recording]) -> list[Row]:
     """Return decisions and findings of recordings of one condition."""
-    with collected_statements() as new_lines:
-        final, table = opened_classifier(model, recordings)
-        decisions = _decisions(model, final, table)
+    final, table = opened_classifier(model, recordings)
+    decisions = _decisions(model, final, table)
     unknown = getattr(final, "unknown", None)
     seconds = [None] * len(decisions)
     if hasattr(final, "second_states"):
@@ -269,7 +271,7 @@ def _results(model: Any, recordings: list[Recording]) -> list[Row]:
     rows = []
     for number, found in enumerate(_findings(model, recordings)):
         row = decisions[number] | found | {"features": np.asarray(table)[number]}
-        outside = row["outside_training"] or "; ".join(new_lines[number])
+        outside = row["outside_training"]
         if unknown is not None and row["decision"] == unknown:
             outside = _reasons(model, recordings[number], outside)
         elif seconds[number] is not None:
@@ -339,14 +341,19 @@ def _findings(model: Any, recordings: list[Recording]) -> list[Row]:
     resamplers = fitted_resamplers(search_estimator(model))
     if not resamplers:
         return [{"warnings": "", "outside_training": ""}] * len(recordings)
-    outside = training_statements(model, recordings) or [[]] * len(recordings)
+    outside = outside_training(model, recordings)
     return [
         {
-            "warnings": measured_quality(resamplers[0], recording).warnings,
-            "outside_training": "; ".join(statement.text for statement in statements),
+            "warnings": joined(measured_quality(resamplers[0], recording).defects),
+            "outside_training": joined(statements),
         }
         for recording, statements in zip(recordings, outside, strict=True)
     ]
+
+
+def joined(statements: Iterable[Statement]) -> str:
+    """Return the texts of statements as one text."""
+    return "; ".join(statement.text for statement in statements)
 
 
 def measured_quality(resampler: OrderResampler, recording: Recording) -> Quality:
@@ -355,13 +362,13 @@ def measured_quality(resampler: OrderResampler, recording: Recording) -> Quality
     return recording_quality(resampler.over_angle(recording, known or recording.channels))
 
 
-def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
+def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[Statement]]:
     """State which properties of recordings are outside the range of the training recordings.
 
     The units of channels and the range of level, speed, sampling rate, revolutions and highest
-    valid order were stored by the `OrderResampler` of the model when it was fitted, and the largest
-    height of each spectral line over its background by its `BinTransformer`. A `ConditionRouter`
-    compares each recording with the training recordings of its condition.
+    valid order are those of the recordings that the `OrderResampler` of the model was fitted on,
+    the largest height of each spectral line over its background those of its `BinTransformer`. A
+    `ConditionRouter` compares each recording with the training recordings of its condition.
 
     Parameters
     ----------
@@ -373,13 +380,13 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
 
     Returns
     -------
-    list of list of str
-        For each recording, one sentence for each property outside its range; empty if there is
-        none. Load, speed, torque, temperature and pressure in `meta` are stated if they differ by
+    list of list of Statement
+        For each recording, one for each property outside its range; empty if there is none.
+        Load, speed, torque, temperature and pressure in `meta` are stated if they differ by
         more than 10 % from each value of the training; levels from 3 dB beyond the range, speeds,
         lengths and valid orders from 10 %, sampling rates from 0.1 %, a direction of rotation that
         the training does not have from 10 % of the revolutions; if nothing else is stated, new
-        spectral lines from `BinTransformer.new_line_limits_`.
+        spectral lines (`BinTransformer.new_lines`), as another speed or gain changes all lines.
 
     Raises
     ------
@@ -400,8 +407,8 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
     >>> new = Recording({"vibration": wave}, 2000, velocity=np.full(8000, 150.0))
     >>> model = OrderResampler(2 * np.pi / 16).fit([new])
     >>> in_mv = Recording({"vibration": 1000 * wave}, 2000, velocity=np.full(8000, 20.0))
-    >>> for sentence in outside_training(model, [in_mv])[0]:
-    ...     print(sentence)
+    >>> for statement in outside_training(model, [in_mv])[0]:
+    ...     print(statement.text)
     highest speed 20 rad/s is below that of the training, 150 rad/s
     12.73 revolutions, in the training at least 95.48
     channel 'vibration' 60 dB above training, 0.7071 (root mean square)
@@ -409,34 +416,20 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
     return [_outside_training(model, recording) for recording in as_list(recordings)]
 
 
-def _outside_training(model: Any, recording: Any) -> list[str]:
-    found = training_statements(model, [recording])
-    if found is None:
+def _outside_training(model: Any, recording: Any) -> list[Statement]:
+    """Return what is stated of one recording, which has one condition."""
+    parts = [*parts_with_input(model, [recording], (OrderResampler, StrokeFeatures))]
+    if not parts:
         raise TypeError(
-            f"{type(model).__name__} contains no OrderResampler, which stores the range of the "
+            f"{type(model).__name__} contains no OrderResampler, which knows the range of the "
             f"training recordings."
         )
-    # Another speed, gain or rate changes all lines.
-    return [statement.text for statement in found[0]] or _new_lines(model, recording)
-
-
-def _new_lines(model: Any, recording: Any) -> list[str]:
-    """Return the statements of each `BinTransformer` in a model about one recording."""
-    with collected_statements() as found, suppress(ValueError):  # it may be too short, or so
-        for part, X in parts_with_input(model, [recording], BinTransformer):
-            part.transform(X)
-    return found[0]
-
-
-def training_statements(model: Any, X: list[Any]) -> list[list[Statement]] | None:
-    """Return what `outside_training` states of recordings of one condition.
-
-    None if the model has no `OrderResampler`.
-    """
-    kinds = (OrderResampler, StrokeFeatures)
-    found = [part.outside_training(own) for part, own in parts_with_input(model, X, kinds)]
-    joint = zip(*found, strict=True)
-    return [list(dict.fromkeys(chain.from_iterable(own))) for own in joint] if found else None
+    found = [statement for part, X in parts for statement in part.outside_training(X)[0]]
+    if not found:
+        with suppress(ValueError):  # it may be too short, or so
+            bins = parts_with_input(model, [recording], BinTransformer)
+            found = [line for part, X in bins for line in part.new_lines(X)[0]]
+    return list(dict.fromkeys(found))
 
 
 def parts_with_input(model: Any, X: Any, kinds: Any) -> Iterator[tuple[Any, Any]]:

@@ -69,6 +69,7 @@ class OrderTable(np.ndarray):
     """
 
     columns: tuple[str, ...] | None
+    _exchanged: OrderTable | None
 
     def __new__(cls, values: Any, columns: Sequence[str]) -> OrderTable:
         """Make a table of `values`, copying them once."""
@@ -89,7 +90,7 @@ class OrderTable(np.ndarray):
 
     def __array_finalize__(self, obj: Any) -> None:
         """Drop the names; the methods below restore them where they still hold."""
-        self.columns = None
+        self.columns = self._exchanged = None
 
     def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
         """Return the result of a ufunc or a reduction: a number, or an array without names.
@@ -117,12 +118,19 @@ class OrderTable(np.ndarray):
         self.columns = None
 
     def swapaxes(self, *args: Any) -> Any:
-        """Return a view with two axes exchanged, and drop the names.
+        """Return a view with two axes exchanged, without names."""
+        view: Any = super().swapaxes(*args)
+        view._exchanged = self
+        return view
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        """Assign elements; through a view with exchanged axes, the table loses its names.
 
         `numpy.random.Generator.shuffle` permutes the columns through such a view.
         """
-        self.columns = None
-        return super().swapaxes(*args)
+        super().__setitem__(key, value)
+        if self._exchanged is not None:
+            self._exchanged.columns = None
 
     def copy(self, order: Any = "C") -> OrderTable:
         """Return a copy with the names."""

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import PurePath
 from typing import Any
 
+import joblib
 import numpy as np
 from numpy.typing import NDArray
 from sklearn.utils.validation import check_is_fitted, validate_data
@@ -221,14 +222,20 @@ class OrderPSD(WelchEstimator):
                 "X holds plain rows, but OrderPSD was fitted on recordings of channels "
                 f"{list(self.channels_)}. Pass what OrderResampler returns, or fit again."
             )
-        estimate = self.plan_.spectra_of
         options: dict[str, Any] = {"n_jobs": self.n_jobs, "verbose": self.verbose}
         options["names"] = [partial(_named, row, index) for index, row in enumerate(rows)]
         if self.memory is None:
-            spectra = run(estimate, rows, **options)
+            spectra = run(partial(self._estimated, joblib.hash(vars(self.plan_))), rows, **options)
         else:
-            spectra = recalled(estimate, rows, self.memory, self.plan_, **options)
+            spectra = recalled(self.plan_.spectra_of, rows, self.memory, self.plan_, **options)
         return self.table_of(spectra)
+
+    def _estimated(self, settings: str, row: Any) -> NDArray[np.floating]:
+        """Return the spectrum of a row; a recording keeps that of the last settings."""
+        estimate = partial(self.plan_.spectra_of, row)
+        if not isinstance(row, AngleRecording):
+            return estimate()
+        return row.measured.latest("spectrum", (settings, row.settings), estimate)
 
     def table_of(self, spectra: Sequence[NDArray[np.floating]]) -> NDArray[np.floating]:
         """Return the table of spectra that were estimated elsewhere, as `transform` does.

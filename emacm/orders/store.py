@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import fields
 from functools import partial
 from hashlib import sha256
 from typing import Any
@@ -74,8 +73,7 @@ def spectrum_key(row: Any, settings: str) -> str:
     """
     if isinstance(row, AngleRecording):
         content = row.measured.digest
-        compared = [item.name for item in fields(row) if item.compare and item.name != "measured"]
-        settings += repr([getattr(row, name) for name in compared])
+        settings += repr(list(row.settings))
     else:
         content = content_digest("row", [row])
     return sha256(f"{content}{settings}".encode("utf-8", "surrogatepass")).hexdigest()

@@ -35,7 +35,7 @@ def as_list(X: Any) -> list[Any]:
     Parameters
     ----------
     X : sequence or ndarray
-        A list, tuple, array or other sequence with a fixed order.
+        A list, tuple, array, pandas Series or other sequence with a fixed order.
 
     Returns
     -------
@@ -54,6 +54,8 @@ def as_list(X: Any) -> list[Any]:
     [1, 2]
     """
     refuse_single(X)
+    if isinstance(X, pd.Series):
+        X = X.to_numpy()
     if isinstance(X, str | PurePath | Mapping) or not isinstance(X, Sequence | np.ndarray):
         raise TypeError(f"X must be a list of recordings, got {received(X)}")
     entries = list(np.atleast_1d(X) if isinstance(X, np.ndarray) else X)

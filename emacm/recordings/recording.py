@@ -303,6 +303,12 @@ class Recording:
             self._known[name] = compute()
         return self._known[name]
 
+    def latest(self, name: Hashable, settings: Hashable, compute: Callable[[], Any]) -> Any:
+        """Return a result for some settings; only that of the last ones is kept."""
+        if self._known.get(name, (None,))[0] != settings:
+            self._known[name] = settings, compute()
+        return self._known[name][1]
+
     @property
     def jump(self) -> Jump | None:
         """Largest isolated jump of the shaft reference; None if there is none."""

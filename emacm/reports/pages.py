@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import re
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,11 +25,10 @@ from emacm.models.find_faults import find_faults
 from emacm.models.scoring import (
     measured_quality,
     opened_classifier,
+    outside_training,
     parts_with_input,
     scored_rows,
-    training_statements,
 )
-from emacm.orders.bin_transformer import collected_statements
 from emacm.orders.columns import parse_order_columns
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.names import unit_ratio
@@ -47,7 +46,6 @@ from emacm.reports.raised import LEAST, SIGMAS, Findings, Row, Spectra, find_rai
 
 Source = Callable[[], Any]  # of a recording
 Further = Callable[[Any], dict[str, Any]] | None  # values of a recording for its row
-_AS_A_LIST = re.compile(r"^recording 0( \([^)]*\))?: ")  # how messages name the only recording
 
 
 @dataclass(frozen=True)
@@ -200,16 +198,14 @@ def page_of(settings: Settings, source: Source, name: str, facts: Further = None
     """
     (row,) = scored_rows(settings.model, [source], [name], facts=facts)
     if row["error"]:
-        reason = _AS_A_LIST.sub("", row["error"])
-        page = Page(name, "no decision", "error", [reason], True, model_facts=settings.facts)
+        page = Page(name, "no decision", "error", [row["error"]], True, model_facts=settings.facts)
         page.row, page.recording = row, [("File", name)]
         return page
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # what they say is on the page
         recording = source()
         page = Page(name, str(row["decision"]), "other", row=row, model_facts=settings.facts)
-        with collected_statements() as new_lines:
-            other = _add_decision(page, settings, recording)
+        other = _add_decision(page, settings, recording)
         page.recording = recording_facts(recording, name)
         page.unit, page.units = str(recording.meta.get("unit", "")), recording.units
         start = getattr(recording, "start", None)  # of a file only
@@ -217,7 +213,7 @@ def page_of(settings: Settings, source: Source, name: str, facts: Further = None
         page.envelopes = envelopes_of(settings.model)
         if settings.actions is not None:
             page.action = settings.actions.get(page.decision, "none is given for this decision")
-        _add_warnings(page, settings.model, recording, new_lines[0])
+        _add_warnings(page, settings.model, recording)
         _add_typicality(page)
         _add_findings(page, settings, recording, other)
         if settings.healthy is None and page.kind == "fault":
@@ -313,29 +309,33 @@ def _add_typicality(page: Page) -> None:
         )
 
 
-def _add_warnings(page: Page, model: Any, recording: Recording, new_lines: Sequence[str]) -> None:
+def _add_warnings(page: Page, model: Any, recording: Recording) -> None:
     """State what is wrong with a recording, or that nothing is."""
     own = search_estimator(model)
     if isinstance(own, ConditionRouter):
         own = own.models_of([recording])[0]
     for resampler in fitted_resamplers(own)[:1]:
         quality = measured_quality(resampler, recording)
-        usual = resampler.training_findings_
-        page.first = [found.text for found in quality.findings if found.kind not in usual]
-        known = [found.text for found in quality.findings if found.kind in usual]
-        page.notes += [f"As in the training: {text}." for text in known]
-        if not quality.findings:
+        unusual = resampler.training_range_.unusual(quality)
+        page.first = [defect.text for defect in unusual]
+        page.notes += [
+            f"As in the training: {defect.text}."
+            for defect in quality.defects
+            if defect not in unusual
+        ]
+        if not quality.defects:
             page.normal.append(
                 "channels without clipping, overflow, drop-outs, offsets or constant values"
             )
     page.doubtful = bool(page.first)
-    found = training_statements(model, [recording])
-    statements = None if found is None else found[0]
-    if statements == []:
-        page.normal.append("speed, sampling rates, levels and length within those of the training")
-    page.doubtful |= any(statement.severe for statement in statements or ())
-    # Another speed, gain or rate changes all lines.
-    page.first += [statement.text for statement in statements or ()] or new_lines
+    with suppress(TypeError):  # the model does not know the range of its training
+        statements = outside_training(model, [recording])[0]
+        if all(statement.kind == "new line" for statement in statements):
+            page.normal.append(
+                "speed, sampling rates, levels and length within those of the training"
+            )
+        page.doubtful |= any(statement.severe for statement in statements)
+        page.first += [statement.text for statement in statements]
 
 
 def _add_findings(page: Page, settings: Settings, recording: Recording, other: Any) -> None:

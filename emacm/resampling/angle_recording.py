@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from math import isclose
 from typing import Any
 
@@ -16,7 +16,7 @@ from emacm import _kernels
 from emacm._checks import check_choice
 from emacm.recordings.inputs import as_recordings, check_channels, described
 from emacm.recordings.recording import Recording
-from emacm.resampling.spreading import spread_rows
+from emacm.resampling.spreading import DESIGN, spread_rows
 from emacm.shaft.motion import Series, ShaftPath
 
 INTERPOLATIONS = ("linear", "cubic")
@@ -93,6 +93,17 @@ class AngleRecording:
         """Indices of the channels, grouped by sampling rate."""
         rates = [fs for _, fs in self.timed]
         return [[i for i, fs in enumerate(rates) if fs == rate] for rate in dict.fromkeys(rates)]
+
+    @property
+    def settings(self) -> tuple[Any, ...]:
+        """All that the strokes depend on besides the recording."""
+        names = (item.name for item in fields(self) if item.compare and item.name != "measured")
+        return tuple(getattr(self, name) for name in names)
+
+    @property
+    def flat_order(self) -> float:
+        """Order up to which the response of band-limited resampling is flat."""
+        return DESIGN.flat * np.pi / self.theta_s
 
     def strokes_by_kind(self, by_direction: bool) -> list[tuple[str, list[AngleStroke]]]:
         """Return all strokes, or forward and reverse ones apart, each with what to call one."""
@@ -202,18 +213,6 @@ class AngleStroke:
 def _joined(blocks: Iterator[NDArray[np.floating]], n_rows: int) -> NDArray[np.floating]:
     """Return blocks as one array; a stroke that ends before its first grid angle has none."""
     return np.concatenate([np.empty((n_rows, 0)), *blocks], axis=1)
-
-
-def jump_warning(recording: Recording) -> tuple[float, str]:
-    """Return the size of the largest isolated jump of the shaft [rad], and a description."""
-    jump = recording.jump
-    if jump is None:
-        return 0.0, ""
-    return jump.angle, (
-        f"the shaft's {recording.reference} jumps by {jump.angle:.3g} rad at sample {jump.sample} "
-        f"({jump.sample / recording.shaft_fs:.6g} s), faster than a shaft can move: an encoder "
-        f"that slips, or a spike. Repair it, or cut the recording there"
-    )
 
 
 def interpolated(

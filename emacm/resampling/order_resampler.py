@@ -18,6 +18,8 @@ from emacm._checks import (
     located,
 )
 from emacm._statements import Statement
+from emacm.findings.quality import jump_statement, recording_quality
+from emacm.findings.training_range import TrainingRange
 from emacm.recordings.inputs import (
     RecordingTransformer,
     as_list,
@@ -29,15 +31,7 @@ from emacm.recordings.inputs import (
     run,
 )
 from emacm.recordings.recording import Recording
-from emacm.resampling.angle_recording import INTERPOLATIONS, AngleRecording, jump_warning
-from emacm.resampling.quality import recording_quality
-from emacm.resampling.training_range import (
-    other_conditions,
-    outside_range,
-    training_conditions,
-    training_range,
-    training_units,
-)
+from emacm.resampling.angle_recording import INTERPOLATIONS, AngleRecording
 from emacm.shaft.motion import DIRECTIONS, longest_gap
 
 
@@ -116,15 +110,11 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
     ----------
     channels_ : tuple of str
         Channels of the result.
-    training_range_ : dict of str to (float, float)
-        Range of revolutions, speeds, highest valid order, and of sampling rate and level of each
-        channel in the recordings of `fit`; see `emacm.outside_training`.
-    training_units_ : dict of str to tuple of str
-        Units of each channel in them, where they are stated.
-    training_conditions_ : dict of str to tuple of float
-        Values of load, speed, torque, temperature and pressure, of those that all `meta` have.
-    training_findings_ : tuple of str
-        Kinds of warnings of `quality` that occur among them.
+    training_range_ : TrainingRange
+        Range of revolutions, speeds, highest valid order, conditions, and of sampling rate, unit
+        and level of each channel in the recordings of `fit`, and the kinds of their defects; see
+        `emacm.outside_training`. It is determined when it is first asked for, or when the
+        resampler is saved: until then, the resampler refers to these recordings.
 
     See Also
     --------
@@ -182,7 +172,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         self.n_jobs = n_jobs
 
     def fit(self, X: Any, y: Any = None) -> OrderResampler:
-        """Learn the channels and the range of the recordings; nothing is resampled.
+        """Learn the channels; nothing is resampled.
 
         Parameters
         ----------
@@ -203,13 +193,25 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         self._check_parameters()
         rows = self._rows(X)
         self.channels_ = rows[0].channels
-        qualities = run(recording_quality, rows, n_jobs=self.n_jobs)
-        self.training_range_ = training_range(qualities)
-        self.training_units_ = training_units(qualities)
-        self.training_conditions_ = training_conditions(row.measured.meta for row in rows)
-        kinds = {finding.kind for quality in qualities for finding in quality.findings}
-        self.training_findings_ = tuple(sorted(kinds))
+        self._trained_on: list[AngleRecording] | None = rows
         return self
+
+    @property
+    def training_range_(self) -> TrainingRange:
+        """Range of the recordings of `fit`."""
+        check_is_fitted(self)
+        if self._trained_on is not None:
+            rows = self._trained_on
+            qualities = run(recording_quality, rows, n_jobs=self.n_jobs)
+            self._range = TrainingRange.of(qualities, (row.meta for row in rows))
+            self._trained_on = None
+        return self._range
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the state for a copy or a file, which holds no recordings."""
+        if getattr(self, "_trained_on", None) is not None:
+            self.training_range_  # noqa: B018
+        return super().__getstate__()
 
     def transform(self, X: Any) -> list[AngleRecording]:
         """Return the recordings over the shaft angle, to be resampled when read.
@@ -270,7 +272,9 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         """
         self._check_parameters()
         qualities = run(recording_quality, self._rows(X), n_jobs=self.n_jobs)
-        return pd.DataFrame([q.row | {"warnings": q.warnings} for q in qualities])
+        return pd.DataFrame(
+            [q.row | {"warnings": "; ".join(d.text for d in q.defects)} for q in qualities]
+        )
 
     def outside_training(self, X: Any) -> list[list[Statement]]:
         """State which properties of recordings are outside the range of those of `fit`.
@@ -283,18 +287,13 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         Returns
         -------
         list of list of Statement
-            For each recording, see `emacm.resampling.training_range.outside_range`.
+            For each recording, see `emacm.findings.training_range.TrainingRange.outside`.
         """
         check_is_fitted(self)
         rows = self._rows(X, self.channels_)
         qualities = run(recording_quality, rows, n_jobs=self.n_jobs)
-        return [
-            [
-                *other_conditions(row.measured.meta, self.training_conditions_),
-                *outside_range(quality, self.training_range_, self.training_units_),
-            ]
-            for row, quality in zip(rows, qualities, strict=True)
-        ]
+        pairs = zip(qualities, rows, strict=True)
+        return [self.training_range_.outside(quality, row.meta) for quality, row in pairs]
 
     def over_angle(self, recording: Recording, channels: Sequence[str]) -> AngleRecording:
         """Return channels of one recording over the shaft angle, without any check of it."""
@@ -379,9 +378,9 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
                 f"speed is between {velocity.min():.4g} and {velocity.max():.4g} rad/s. Leave the "
                 f"recording out, or check its shaft reference and min_speed."
             )
-        jump, text = jump_warning(recording)
-        if jump > np.pi:
-            raise ValueError(text)
+        jump = jump_statement(recording)
+        if jump is not None and jump.value > np.pi:
+            raise ValueError(jump.text)
 
 
 def _bare_channels(entry: Any) -> dict[str, Any]:

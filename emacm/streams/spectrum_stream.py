@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from emacm._statements import Statement
+from emacm.findings.channel_checks import MOST_OFFSET, check_channel
+from emacm.findings.quality import Quality
 from emacm.orders.segment_plan import SectionCutter, SegmentPlan
 from emacm.resampling.order_resampler import OrderResampler
-from emacm.resampling.quality import CHANNEL_CHECKS, Finding, Quality, check_channel
 from emacm.resampling.spreading import DESIGN, Spreading, upsampling
 from emacm.shaft.motion import DIRECTIONS, ShaftPath
 from emacm.streams.packed_state import Resumable
@@ -21,7 +23,7 @@ Array = NDArray[np.floating]
 
 
 class StreamQuality(Resumable):
-    """What `emacm.resampling.training_range.outside_range` needs, and defects of channels.
+    """What `emacm.findings.training_range.TrainingRange.outside` needs, and defects of channels.
 
     A channel is checked whenever some of its samples are taken up; a constant one is not a defect,
     as the shaft may be at rest.
@@ -50,8 +52,8 @@ class StreamQuality(Resumable):
         known = {k for k, _, _ in self._defects}
         for k, row in zip(channels, rows if rows.size else (), strict=False):
             check = check_channel(row, self._names[k])
-            if k not in known and check.defect not in ("", "constant"):
-                self._defects.append((k, check.defect, check.text))
+            if k not in known and check.defect is not None and check.defect.kind != "constant":
+                self._defects.append((k, check.defect.kind, check.defect.text))
 
     def add_stroke(self, path: ShaftPath, slowest: float, fastest: float) -> None:
         """Take up a stroke of the shaft of interest and the range of its speed [rad/s]."""
@@ -62,7 +64,7 @@ class StreamQuality(Resumable):
         number = np.maximum(self._sums[0], 1)
         means = self._sums[1] / number
         levels = np.sqrt(np.maximum(self._sums[2] / number - means**2, 0.0))
-        is_offset = np.abs(means) > CHANNEL_CHECKS.offset * levels  # at rest, a position may be so
+        is_offset = np.abs(means) > MOST_OFFSET * levels  # at rest, a position may be so
         turned = [revolutions for _, revolutions, _, _ in self._strokes]
         fastest = max((most for *_, most in self._strokes), default=0.0)
         row = {
@@ -77,8 +79,8 @@ class StreamQuality(Resumable):
         share = forward / row["revolutions"] if turned else np.nan
         named = dict(zip(rates, levels.tolist(), strict=True))
         seen = [found for found in self._defects if found[1] != "offset" or is_offset[found[0]]]
-        findings = tuple(Finding(kind, text) for _, kind, text in seen)
-        return Quality(row, dict(rates), named, {}, findings, False, share)
+        defects = tuple(Statement(kind, self._names[k], text) for k, kind, text in seen)
+        return Quality(row, dict(rates), named, {}, defects, False, share)
 
 
 @dataclass(frozen=True)

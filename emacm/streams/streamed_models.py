@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
+from emacm._statements import Statement
 from emacm.decisions.pipelines import search_estimator
 from emacm.decisions.risks import LeastRiskMixin
-from emacm.orders.bin_transformer import collected_statements
+from emacm.findings.quality import Quality
+from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.digests import model_digest
 from emacm.resampling.order_resampler import OrderResampler
-from emacm.resampling.quality import Quality
-from emacm.resampling.training_range import outside_range
 from emacm.streams.packed_state import Resumable
 
 Array = NDArray[np.floating]
@@ -45,7 +45,7 @@ class ReadingAlarms(Resumable):
 
     def update(self, reading: Reading) -> tuple[str, ...]:
         """Return the alarms of the next reading, in words."""
-        found = [*filter(None, [reading.error]), *reading.defects]
+        found = [*filter(None, [reading.error]), *(defect.text for defect in reading.defects)]
         if reading.decision == self._unknown:
             found.append("unknown state")
         is_untypical = reading.typicality is not None and reading.typicality <= self._typicality
@@ -79,14 +79,14 @@ class Reading:
         Typicality of the features, if the classifier states it.
     alarms : tuple of str
         Alarms, in words; empty if there is none.
-    outside_training : tuple of str
-        What of the interval is outside the range of the training recordings, in sentences, as
+    outside_training : tuple of Statement
+        What of the interval is outside the range of the training recordings, as
         `emacm.outside_training` states it of the finished recording: speeds, revolutions, sampling
         rates, and levels.
     complete : bool
         False for the reading of an unfinished interval: it has no alarms, and states no new
         spectral lines.
-    defects : tuple of str
+    defects : tuple of Statement
         Defects of channels that those of the training do not have, what is far outside the
         training, and new spectral lines. Each is an alarm.
     fastest : float
@@ -103,9 +103,9 @@ class Reading:
     risk: dict[Any, float] = field(default_factory=dict)
     typicality: float | None = None
     alarms: tuple[str, ...] = ()
-    outside_training: tuple[str, ...] = ()
+    outside_training: tuple[Statement, ...] = ()
     complete: bool = True
-    defects: tuple[str, ...] = ()
+    defects: tuple[Statement, ...] = ()
     fastest: float = np.nan
     error: str = ""
 
@@ -183,23 +183,22 @@ class StreamedModel:
         Reading
         """
         table: Any = self.psd.table_of([powers])
-        with collected_statements() as new_lines:
-            for transformer in self._transformers:
-                table = transformer.transform(table)
-        outside = outside_range(quality, self.resampler.training_range_, {})
-        texts = [statement.text for statement in outside]
-        lines = new_lines[0] if complete else []
-        usual = self.resampler.training_findings_
-        defects = [found.text for found in quality.findings if found.kind not in usual]
-        defects += [statement.text for statement in outside if statement.severe]
+        lines: list[Statement] = []
+        for transformer in self._transformers:
+            if complete and isinstance(transformer, BinTransformer):
+                lines += transformer.new_lines(table)[0]
+            table = transformer.transform(table)
+        known = self.resampler.training_range_
+        outside = known.outside(quality, {})
+        defects = known.unusual(quality) + [stated for stated in outside if stated.severe] + lines
         return Reading(
             start,
             time,
             np.asarray(table)[0],
             **self._decided(table),
-            outside_training=tuple(texts or lines),
+            outside_training=tuple(outside or lines),
             complete=complete,
-            defects=(*defects, *lines) if complete else (),
+            defects=tuple(defects) if complete else (),
             fastest=quality.row["fastest"],
         )
 

@@ -18,6 +18,8 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._checks import check_choice, check_number, located
 from emacm._saved import SavedEstimator
 from emacm._statements import Statement
+from emacm.findings.quality import forward_share
+from emacm.findings.training_range import Range, direction_statements
 from emacm.orders.columns import check_input_names
 from emacm.recordings.inputs import (
     as_recordings,
@@ -29,8 +31,6 @@ from emacm.recordings.inputs import (
 )
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
-from emacm.resampling.quality import forward_share
-from emacm.resampling.training_range import Range, direction_statements
 from emacm.shaft.motion import ShaftPath
 
 Samples = NDArray[np.floating]

@@ -1,7 +1,6 @@
 """Evaluation by several hold-out schemes."""
 
 import re
-import warnings
 from functools import cache
 
 import joblib
@@ -271,25 +270,6 @@ def test_an_estimator_that_refuses_new_loads_is_not_scored_by_load():
         "20.0 left out): no model for the load 20"
     )
     assert list(found.confusions) == ["random split", "by run"]
-
-
-class WarnsOfNewLoads(OnlyKnownLoads):
-    """Warns of a load that it was not trained on."""
-
-    def predict(self, X):
-        if not set(X[:, 0]) <= self.loads_:
-            warnings.warn("recording 0 (load=20): speed is above the training range", stacklevel=2)
-        return GaussianNB.predict(self, X)
-
-
-def test_a_load_held_out_is_outside_of_the_training_by_design_and_gives_no_warning():
-    X, y, _ = sub_states()
-    loads = np.tile([20.0, 40.0], len(y) // 2)
-    table = np.column_stack([loads, X])
-    evaluate(WarnsOfNewLoads(), table, y, conditions=loads, n_splits=2)
-    splits = {"load 40": (loads == 20, loads == 40)}
-    with pytest.warns(UserWarning, match="above the training range"):
-        evaluate(WarnsOfNewLoads(), table, y, splits=splits, n_splits=2)
 
 
 def test_labels_are_read_from_the_meta_of_recordings():

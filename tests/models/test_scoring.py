@@ -307,7 +307,7 @@ def test_a_failure_gives_a_row_that_says_what_and_where(model, tmp_path, kind):
     assert row["decision"] is None
     assert np.isnan([row["expected_cost"], row["typicality"], row["P(worn)"]]).all()
     assert pd.Series([row["error"]]).str.contains(message).all(), row["error"]
-    assert name in row["error"] or "recording 0" in row["error"]
+    assert row["recording"] == str(path)
     assert "\n" not in row["error"]
 
 

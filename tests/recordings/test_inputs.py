@@ -52,7 +52,7 @@ def test_a_single_recording_an_empty_list_and_a_set_are_refused(model):
 
 
 @pytest.mark.parametrize("model", [p for p in ALL if p.id != "OrderPSD"])
-@pytest.mark.parametrize("X", [{1, 2}, pd.Series([1, 2]), {"a": 1}, iter([1]), 2.5, None])
+@pytest.mark.parametrize("X", [{1, 2}, pd.DataFrame({0: [1, 2]}), {"a": 1}, iter([1]), 2.5, None])
 def test_what_is_no_list_is_refused(model, X):
     with pytest.raises(TypeError, match="X must be a list of recordings, got"):
         model.fit(X)
@@ -135,3 +135,11 @@ def test_recordings_over_angle_and_other_things_are_no_recordings_over_time():
         TypeError, match=r"entry 1 of X must be a recording for Prewh.*a polars Dat"
     ):
         as_recordings([run(), pytest.importorskip("polars").DataFrame({"b": [1]})], "Prewhitening")
+
+
+def test_a_series_of_recordings_is_a_list_of_them():
+    X = [run(f"c{k}", "speed") for k in (1, 2, 3)]
+    table = pd.DataFrame({"recording": X}, index=[7, 5, 3])
+    assert as_list(table["recording"]) == X
+    found = OrderResampler(channels=["speed"]).fit_transform(table["recording"])
+    assert [row.measured for row in found] == X

@@ -240,7 +240,7 @@ def test_a_router_is_stated_by_the_model_of_the_condition():
 def test_a_finding_that_the_training_has_too_is_a_note():
     options = {"theta_s": 2 * np.pi / 200}  # reaches orders that the sampling rate does not contain
     model = fitted(make_pipeline(*steps(FunctionTransformer(np.log10), **options)))
-    assert model[0].training_findings_
+    assert model[0].training_range_.defects
     found = page(model, recording("outer race", 99))
     assert found.first == []
     assert not found.doubtful

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from emacm.resampling.quality import check_channel
+from emacm.findings.channel_checks import check_channel
 
 TIMES = np.arange(50_000) / 10_000
 RNG = np.random.default_rng(3)
@@ -12,7 +12,8 @@ TONE = 3.0 * np.sin(2 * np.pi * 33.3 * TIMES) + 0.4
 
 
 def defect(values, turning=((0.0, 1.0),)):
-    return check_channel(np.asarray(values, float), "current", turning).defect
+    found = check_channel(np.asarray(values, float), "current", turning).defect
+    return "" if found is None else found.kind
 
 
 def test_the_level_is_the_root_mean_square_about_the_mean():
@@ -113,7 +114,7 @@ def test_a_gap_longer_than_the_blocks_of_a_long_channel_is_recognised():
     long = np.tile(NOISE, 20)
     long[400_000:500_000] = 0.0
     assert defect(long) == "drop-outs"
-    assert "in 9.4 % of the time it is constant" in check_channel(long, "x", [(0, 1)]).text
+    assert "in 9.4 % of the time it is constant" in check_channel(long, "x", [(0, 1)]).defect.text
     assert defect(long, turning=[(0.0, 0.45), (0.45, 1.0)]) == "drop-outs"
 
 
@@ -124,7 +125,7 @@ def test_a_channel_that_wakes_between_the_sampled_blocks_is_not_constant():
 
 
 def test_the_sentence_gives_channel_and_value():
-    text = check_channel(np.minimum(TONE, 2.0), "current").text
+    text = check_channel(np.minimum(TONE, 2.0), "current").defect.text
     assert text == "channel 'current' is clipped at 2"
-    lost = check_channel(np.where((2 * TIMES) % 1 < 0.2, 0.0, NOISE), "current").text
+    lost = check_channel(np.where((2 * TIMES) % 1 < 0.2, 0.0, NOISE), "current").defect.text
     assert "channel 'current' has drop-outs: in 2" in lost
