@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from html import unescape
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 from emacm.history.records import identity
-from emacm.reports.written_pages import written_page
+from emacm.reports.written_pages import listed_pages, written_page
 
 Record = Mapping[str, Any]
 
@@ -50,7 +49,7 @@ def write_fleet(
     folder.mkdir(parents=True, exist_ok=True)
     names = ("healthy", "normal") if healthy is None else (healthy,)
     by_time = sorted(records, key=lambda record: (record["unit"], record["end"] or ""))
-    links = _links(folder / "index.html")
+    links = {page["name"]: page["link"] for page in listed_pages(folder)}
     units = []
     for unit, own in groupby(by_time, itemgetter("unit")):
         last = list(own)[-most:]
@@ -69,14 +68,6 @@ def write_fleet(
 def _file_of(unit: str) -> str:
     """Return the name of the page of a unit, which is the same whatever other units there are."""
     return f"unit_{re.sub(r'[^a-zA-Z0-9.-]', '_', unit)[-60:]}_{identity([unit])[:8]}.html"
-
-
-def _links(index: Path) -> dict[str, str]:
-    """Return the link of each recording that has a page, as an index of reports lists them."""
-    if not index.is_file():
-        return {}
-    found = re.findall(r'<a href="(\./[^"]*)">([^<]*)</a>', index.read_text(encoding="utf-8"))
-    return {unescape(name): link for link, name in found}
 
 
 def _word(record: Record, healthy: Sequence[str]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from collections import Counter
@@ -9,14 +10,14 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from hashlib import sha256
-from html import unescape
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
+from urllib.parse import quote, unquote
 
 import pandas as pd
 
+from emacm._saved import written_whole
 from emacm.machine.fault_orders import fault_series
 from emacm.models.model_files import load_model
 from emacm.models.scoring import check_model
@@ -26,7 +27,13 @@ from emacm.recordings.names import printable
 from emacm.reports.facts import decisions_of, healthy_label, model_facts, when
 from emacm.reports.pages import URGENCIES, Further, Page, Settings, Source, page_of
 from emacm.reports.pictures import drawn
-from emacm.reports.written_pages import encoded_svg, templates, written_page
+from emacm.reports.written_pages import (
+    LIST_OF_PAGES,
+    encoded_svg,
+    listed_pages,
+    templates,
+    written_page,
+)
 
 
 def maintenance_report(
@@ -169,8 +176,14 @@ class Reports:
 
     def missing(self, names: Sequence[str], digests: Sequence[str]) -> list[bool]:
         """Return for each recording whether a folder has no page of it, of this digest."""
-        triples = zip(file_stems(names), names, digests, strict=True)
-        return [not _is_page(self._target / f"{s}.html", name, d) for s, name, d in triples]
+        known = {entry["link"]: (entry["name"], entry["digest"]) for entry in self._listed()}
+        return [
+            known.get(link) != pair or not (self._target / unquote(link)).is_file()
+            for link, pair in zip(_links(names), zip(names, digests, strict=True), strict=True)
+        ]
+
+    def _listed(self) -> list[dict[str, Any]]:
+        return [] if self.is_file else listed_pages(self._target)
 
     def write(
         self, pages: Sequence[Page], before: Sequence[Page] = (), *, has_fleet: bool = False
@@ -189,39 +202,36 @@ class Reports:
         if self.is_file:
             return [written_page(self._target, "maintenance", pages=map(_with_picture, pages))]
         listed = [*before, *pages]
-        names = [f"{stem}.html" for stem in file_stems([page.name for page in listed])]
-        links = ["./" + quote(name) for name in names]
-        index = self._target / "index.html"
-        old = index.read_text(encoding="utf-8", errors="replace") if index.is_file() else ""
-        row_of_link = r'(?s)(<tr class="(\w+)"><td><a href="([^"]*)">.*?</tr>)'
-        rows = {link: (row, word) for row, word, link in re.findall(row_of_link, old)}
+        links, known = _links([page.name for page in listed]), self._listed()
+        as_before = {entry["link"]: entry for entry in known}
+        shown = ("name", "unit", "date", "decision", "doubtful", "since", "action", "digest")
+        entries = []
         for number, (page, link) in enumerate(zip(listed, links, strict=True)):
-            if number >= len(before) or link not in rows:
-                rows[link] = ("", page.urgency)
-        entries = [(page, link, *rows[link]) for page, link in zip(listed, links, strict=True)]
-        entries.sort(key=lambda entry: URGENCIES.index(entry[3]))
-        # The index is first: missing pages, as after a kill, are noticed by the next run.
-        written_page(index, "index", entries=entries, has_fleet=has_fleet)
+            entry = {"link": link, "word": page.urgency}
+            entry |= {name: getattr(page, name) for name in shown}
+            is_new = number >= len(before) or link not in as_before
+            entries.append(entry if is_new else as_before[link])
+        entries.sort(key=lambda entry: URGENCIES.index(entry["word"]))
         files = [
-            written_page(self._target / name, "maintenance", pages=[_with_picture(page)])
-            for page, name in zip(pages, names[len(before) :], strict=True)
+            written_page(self._target / unquote(link), "maintenance", pages=[_with_picture(page)])
+            for page, link in zip(pages, links[len(before) :], strict=True)
         ]
-        return [*files, index]
+        # The list is last: pages that are missing, as after a kill, are written by the next run.
+        with written_whole(self._target / LIST_OF_PAGES) as unfinished:
+            unfinished.write_text(json.dumps(entries, indent=1), encoding="utf-8")
+        index = self._target / "index.html"
+        return [*files, written_page(index, "index", entries=entries, has_fleet=has_fleet)]
+
+
+def _links(names: Sequence[str]) -> list[str]:
+    """Return the link of the page of each recording, in an index."""
+    return [f"./{quote(stem)}.html" for stem in file_stems(names)]
 
 
 def _with_picture(page: Page) -> tuple[Page, str, str]:
     """Return a page, its picture as SVG in base64, and what it shows; empty if there is none."""
     figure, description = drawn(page)
     return page, "" if figure is None else encoded_svg(figure), description
-
-
-def _is_page(file: Path, name: str, digest: str, n_head: int = 10_000) -> bool:
-    """Tell whether a file is the page of a recording, by its first characters."""
-    if not file.is_file():
-        return False
-    with open(file, encoding="utf-8", errors="replace") as page:
-        expected = f'<article data-digest="{digest}" data-name="{name}">'
-        return expected in unescape(page.read(n_head))
 
 
 def read_settings(

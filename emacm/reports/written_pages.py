@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import json
 from base64 import b64encode
 from functools import cache
 from io import BytesIO
@@ -43,6 +44,15 @@ def written_page(file: Path, template: str, **content: Any) -> Path:
     with written_whole(file) as unfinished:
         unfinished.write_text(html, encoding="utf-8", errors="backslashreplace")
     return file
+
+
+LIST_OF_PAGES = "pages.json"
+
+
+def listed_pages(folder: Path) -> list[dict[str, Any]]:
+    """Return what the index of a folder of reports lists: name, link, decision and so on."""
+    file = folder / LIST_OF_PAGES
+    return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else []
 
 
 def plain_page(title: str, body: str) -> str:

@@ -1,5 +1,6 @@
 """The page of a fleet, from a history."""
 
+import json
 import re
 from html import unescape
 from urllib.parse import unquote
@@ -71,8 +72,7 @@ def test_names_are_escaped_and_each_unit_has_a_page_of_its_own(history, tmp_path
     folder = tmp_path / "pages"
     folder.mkdir()
     link = "./a%2520.html"
-    row = f'<tr class="fault"><td><a href="{link}">a%20#?b0.csv</a></td></tr>'
-    (folder / "index.html").write_text(row)
+    (folder / "pages.json").write_text(json.dumps([{"name": "a%20#?b0.csv", "link": link}]))
     page = write_fleet(folder, *shown(history)).read_text(encoding="utf-8")
     assert not re.search("<script|<i>|<b>", page)
     found = {unescape(name): unquote(link) for _, link, name in rows(page)}
