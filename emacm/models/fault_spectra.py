@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sklearn.base import clone
 
 from emacm._checks import located
-from emacm.findings.channel_checks import check_channel
+from emacm.findings.quality import check_channel
 from emacm.machine.fault_lines import SETTINGS as LINES
 from emacm.machine.fault_lines import FaultLines, LineLevels
 from emacm.machine.fault_orders import FaultSeries

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm._statements import Statement
-from emacm.findings.channel_checks import MOST_OFFSET, check_channel
-from emacm.findings.quality import Quality
+from emacm.findings.quality import MOST_OFFSET, Quality, check_channel
 from emacm.orders.segment_plan import SectionCutter, SegmentPlan
 from emacm.resampling.order_resampler import OrderResampler
 from emacm.resampling.spreading import DESIGN, Spreading, upsampling

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from emacm.findings.channel_checks import check_channel
+from emacm.findings.quality import check_channel
 
 TIMES = np.arange(50_000) / 10_000
 RNG = np.random.default_rng(3)
