@@ -7,11 +7,14 @@ the number that is allowed. Compiled loops are not traced.
 - `OrderResampler.transform` and `OrderPSD.transform` of one recording,
 - all steps of `actuator_recipe` before its classifier, for one recording,
 - `fit` of that classifier, with an unknown state,
-- `score` of one recording, by the four estimators of the thesis and by that recipe.
+- `score` of one recording, by the four estimators of the thesis and by that recipe,
+- `emacm score` of a folder with two files of the example pump.
 
 The columns beside it are the changes of module (calls whose caller, the next function of emacm on
-the stack, is in another module, and the returns from them), and the largest number of nested calls.
-With `--calls` also the modules in the order in which they are entered.
+the stack, is in another module, and the returns from them), the largest number of nested calls, and
+the climbs: pairs of modules of which the first one calls the second one, although it stands in
+a room above it that does not know it (callbacks, and methods that a subclass overrides). With
+`--calls` also the modules in the order in which they are entered.
 
 Run from the repository:
 
@@ -21,9 +24,15 @@ Run from the repository:
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
+import os
+import shutil
 import sys
+import tempfile
 from collections import Counter
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -40,6 +49,10 @@ from emacm import (
     actuator_recipe,
     score,
 )
+from emacm.__main__ import main as command
+
+sys.path.append(str(Path(__file__).parents[1] / "tests"))
+from test_structure import ORDER, place
 
 
 class Trace:
@@ -80,6 +93,35 @@ class Trace:
             self.changes[self._stack[-1][1], module] += 1
         self._stack.append((frame, module))
         self.depth = max(self.depth, len(self._stack))
+
+    def climbs(self) -> list[tuple[str, str]]:
+        """Return the pairs of modules that the order of the rooms does not show."""
+        return [
+            (caller, callee)
+            for caller, callee in self.changes
+            if ORDER.index(place(callee)) > ORDER.index(place(caller))
+        ]
+
+
+def scored_files() -> Trace:
+    """Trace ``emacm score`` of two files, the second time that it runs."""
+    here = Path.cwd()
+    with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
+        os.chdir(folder)
+        try:
+            command(["example", "."])
+            names = ["--meta", "{unit}_{state}_{run:d}"]
+            command(["inspect", "bench/A_healthy_01.csv", "--draft", "layout.toml", *names])
+            learn = ["--labels", "state", "--groups", "unit", "--out", "model.skops"]
+            command(["train", "layout.toml", "bench", *learn])
+            Path("few").mkdir()
+            for file in sorted(Path("new").iterdir())[:2]:
+                shutil.copy(file, "few")
+            decide = ["score", "model.skops", "few", "--layout", "layout.toml"]
+            command(decide)
+            return Trace(lambda: command(decide))
+        finally:
+            os.chdir(here)
 
 
 def recording(seed: int) -> Recording:
@@ -131,12 +173,12 @@ def main() -> None:
                 Trace(lambda: clone(model[-1]).fit(table_of_features, labels, groups=units)),
                 12,
             ),
-            "score, thesis": (Trace(lambda: score(chain, [recording])), 25),
+            "score, thesis": (Trace(lambda: score(chain, [recording])), 18),
             "score, actuator_recipe": (Trace(lambda: score(model, [recording])), None),
         }
 
     traced(fresh[0])
-    traces = traced(fresh[1])
+    traces = traced(fresh[1]) | {"emacm score": (scored_files(), None)}
     rows = [
         {
             "call": name,
@@ -144,6 +186,7 @@ def main() -> None:
             "at most": limit,
             "changes of module": 2 * trace.changes.total(),
             "depth": trace.depth,
+            "climbs": len(trace.climbs()),
         }
         for name, (trace, limit) in traces.items()
     ]
