@@ -7,10 +7,11 @@ import pandas as pd
 import pytest
 from sklearn.base import clone
 from sklearn.calibration import CalibratedClassifierCV
+from sklearn.ensemble import BaggingClassifier, StackingClassifier, VotingClassifier
 from sklearn.exceptions import DataConversionWarning
 from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import LogisticRegression, RidgeClassifier
-from sklearn.model_selection import GridSearchCV, GroupKFold
+from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_predict
 from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -156,10 +157,40 @@ def test_other_priors_follow_from_bayes_rule():
     np.testing.assert_allclose(model.predict_proba(LATER), expected, rtol=1e-12)
 
 
-def test_a_calibrated_classifier_decides_by_cost():
-    calibrated = CalibratedClassifierCV(CostSensitiveGaussianBayes(), cv=3)
-    model = LeastRiskClassifier(calibrated, COSTS["inspect"]).fit(X, Y)
+# What scikit-learn combines or calibrates gets numbers as classes
+
+COMBINATIONS = {
+    "calibrated": lambda inner: CalibratedClassifierCV(inner, cv=3, ensemble=False),
+    "votes": lambda inner: VotingClassifier([("one", inner)], voting="soft"),
+    "stack": lambda inner: StackingClassifier([("one", inner)], cv=3),
+    "bag": lambda inner: BaggingClassifier(inner, n_estimators=3, random_state=0),
+}
+
+
+@pytest.mark.parametrize("kind", COMBINATIONS)
+def test_costs_and_priors_by_name_stand_outside_of_a_combination(kind):
+    combined, cost = COMBINATIONS[kind], COSTS["inspect"] | COSTS["mapping"]
+    model = LeastRiskClassifier(combined(CostSensitiveGaussianBayes()), cost).fit(X, Y)
+    posterior = combined(CostSensitiveGaussianBayes()).fit(X, Y).predict_proba(LATER)
+    np.testing.assert_allclose(model.predict_proba(LATER), posterior, rtol=1e-12)
     assert "inspect" in model.predict(LATER)
+    np.testing.assert_allclose(model.risk(LATER)[:, 1], posterior @ [4, 0, 30])
+    model.set_params(priors=PRIORS[3])
+    np.testing.assert_allclose(model.priors_, [0.6, 0.1, 0.3])
+    with pytest.raises(ValueError, match=r"outside: LeastRiskClassifier\(VotingClassifier"):
+        combined(CostSensitiveGaussianBayes(cost)).fit(X, Y)
+    with pytest.raises(ValueError, match=r"loses the unknown state 'odd'.* unknown=None"):
+        LeastRiskClassifier(combined(CostSensitiveGaussianBayes(unknown="odd"))).fit(X, Y)
+
+
+def test_probabilities_of_cross_val_predict_need_no_costs_and_decisions_take_them():
+    model = CostSensitiveGaussianBayes(COSTS["inspect"], priors=[0.6, 0.1, 0.3])
+    assert "inspect" in cross_val_predict(model, X, Y)
+    for each in (model, LeastRiskClassifier(GaussianNB(), COSTS["inspect"])):
+        with pytest.raises(ValueError, match=r"predict_proba.* needs no costs"):
+            cross_val_predict(each, X, Y, method="predict_proba")
+        without = clone(each).set_params(cost=None)
+        assert cross_val_predict(without, X, Y, method="predict_proba").shape == (43, 3)
 
 
 def test_weights_reach_the_estimator_and_its_prior():

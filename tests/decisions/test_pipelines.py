@@ -1,18 +1,23 @@
 """Facts about the last step of pipelines and searches."""
 
 import numpy as np
+import pandas as pd
 import pytest
-from sklearn.model_selection import GridSearchCV, RandomizedSearchCV
+import sklearn
+from sklearn.base import clone
+from sklearn.model_selection import GridSearchCV, GroupKFold, RandomizedSearchCV
 from sklearn.naive_bayes import GaussianNB
 from sklearn.neighbors import KNeighborsClassifier
-from sklearn.pipeline import make_pipeline
+from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from emacm import (
     BinTransformer,
+    ConditionRouter,
     CostSensitiveGaussianBayes,
     LeastRiskClassifier,
     NewUnitClassifier,
+    PosteriorProduct,
 )
 from emacm.decisions.pipelines import (
     before_the_last_step,
@@ -88,6 +93,62 @@ def test_units_are_the_groups_of_a_classifier_for_new_units_wherever_it_is():
     for each in (GaussianNB(), in_pipeline(GaussianNB()), GridSearchCV(GaussianNB(), {}), object()):
         assert groups_are_units(each) is False
         assert groups_options(each, ["a", "b"]) == {}
+
+
+# Groups are given once
+
+
+GROUPS, STATES = np.arange(60) % 10, np.repeat(["new", "worn"], 30)
+SPECTRA = pd.DataFrame(
+    np.random.default_rng(0).gamma(5, size=(60, 49)) + 2 * (STATES == "worn")[:, np.newaxis],
+    columns=[f"a@{number / 4}" for number in range(49)],
+)
+CLASSIFIERS = [
+    CostSensitiveGaussianBayes(covariance="tied", unknown="odd"),
+    NewUnitClassifier(unknown="odd"),
+]
+WRAPPERS = {  # and the pipeline in a fitted one
+    "pipeline": (lambda chain: chain, lambda model: model),
+    "least risk": (LeastRiskClassifier, lambda model: model.estimator_),
+    "product": (
+        lambda chain: PosteriorProduct([("one", chain), ("two", GaussianNB())], priors="uniform"),
+        lambda model: model.estimators_[0],
+    ),
+    "router": (lambda chain: ConditionRouter(chain, "load"), lambda model: model.estimators_[20]),
+}
+
+
+def bins_and(classifier):
+    """A pipeline, and what it has learned with groups at each step: line limits, typicality."""
+    chain = make_pipeline(FeatureUnion([("bins", BinTransformer(2, max_order=12))]), classifier)
+    bins = BinTransformer(2, max_order=12).fit(SPECTRA, groups=GROUPS)
+    table = bins.transform(SPECTRA)
+    fitted = clone(classifier).fit(table, STATES, groups=GROUPS)
+    return chain, bins.new_line_limits_, fitted.typicality(table)
+
+
+@pytest.mark.parametrize("classifier", CLASSIFIERS)
+@pytest.mark.parametrize("kind", WRAPPERS)
+def test_with_metadata_routing_a_search_takes_groups_once(classifier, kind):
+    chain, limits, typicality = bins_and(classifier)
+    wrap, unwrap = WRAPPERS[kind]
+    X = SPECTRA.assign(load=20) if kind == "router" else SPECTRA
+    with sklearn.config_context(enable_metadata_routing=True):
+        assert groups_options(wrap(chain), GROUPS).keys() == {"groups"}
+        search = GridSearchCV(wrap(chain), {}, cv=GroupKFold(2), error_score="raise")
+        found = unwrap(search.fit(X, STATES, groups=GROUPS).best_estimator_)
+    np.testing.assert_array_equal(found[0]["bins"].new_line_limits_, limits)
+    np.testing.assert_array_equal(found[-1].typicality(found[:-1].transform(SPECTRA)), typicality)
+
+
+def test_without_metadata_routing_each_step_takes_groups_by_its_name():
+    _, limits, typicality = bins_and(CLASSIFIERS[0])
+    chain = make_pipeline(BinTransformer(2, max_order=12), CLASSIFIERS[0])
+    search = GridSearchCV(chain, {}, cv=GroupKFold(2), error_score="raise")
+    search.fit(SPECTRA, STATES, groups=GROUPS, **groups_options(chain, GROUPS))
+    found = search.best_estimator_
+    np.testing.assert_array_equal(found[0].new_line_limits_, limits)
+    np.testing.assert_array_equal(found[-1].typicality(found[:-1].transform(SPECTRA)), typicality)
 
 
 def test_a_search_stands_for_its_best_estimator_once_it_is_fitted():
