@@ -17,7 +17,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, located
 from emacm._saved import SavedEstimator
-from emacm.decisions.costs import narrowed
+from emacm.decisions.costs import narrowed, stated_costs
 from emacm.decisions.pipelines import (
     RoutingMixin,
     before_the_last_step,
@@ -194,12 +194,17 @@ class ConditionRouter(
     @property
     def cost(self) -> Any:
         """The present cost of the last step; None if it has none."""
-        return getattr(final_estimator(self.estimator), "cost", None)
+        return stated_costs(self.estimator)["cost"]
+
+    @property
+    def priors(self) -> Any:
+        """The present priors of the last step; None if it has none."""
+        return stated_costs(self.estimator)["priors"]
 
     @property
     def unknown(self) -> Any:
         """Label of the unknown state of the last step; None if it has none."""
-        return getattr(final_estimator(self.estimator), "unknown", None)
+        return stated_costs(self.estimator)["unknown"]
 
     def with_present_costs(self, classifier: Any) -> Any:
         """Return the last step for a condition with the cost and priors that are stated now.
@@ -214,9 +219,9 @@ class ConditionRouter(
         estimator
             A shallow copy, which shares the fitted attributes.
         """
-        stated = final_estimator(self.estimator)
-        names = {"cost", "priors"} & set(stated.get_params(deep=False))
-        present = copy.copy(classifier).set_params(**{n: getattr(stated, n) for n in names})
+        present = copy.copy(classifier)
+        for name in {"cost", "priors"} & set(classifier.get_params(deep=False)):
+            setattr(present, name, getattr(self, name))
         return narrowed(present, classifier.classes_, self.classes_)
 
     def predict(self, X: Any) -> NDArray[Any]:

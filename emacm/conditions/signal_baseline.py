@@ -37,17 +37,13 @@ class GridSignals(NamedTuple):
         return self.first + self.signals.shape[-1]
 
 
-def mean_sections(
-    recordings: Sequence[Sequence[GridSignals]], *, reached: float = 0.5
-) -> tuple[GridSignals, ...]:
-    """Average strokes at each grid angle that enough recordings contain.
+def mean_sections(recordings: Sequence[Sequence[GridSignals]]) -> tuple[GridSignals, ...]:
+    """Average strokes at each grid angle that at least half of the recordings contain.
 
     Parameters
     ----------
     recordings : sequence of sequence of GridSignals, each of shape (n_channels, n_angles)
         The strokes of each recording, on a common grid.
-    reached : float
-        Fraction of the recordings that must contain an angle.
 
     Returns
     -------
@@ -57,9 +53,9 @@ def mean_sections(
     Examples
     --------
     >>> one, two = GridSignals(0, np.array([[1.0, 2, 3]])), GridSignals(1, np.array([[4.0, 5, 6]]))
-    >>> (mean,) = mean_sections([[one], [two]], reached=1)
+    >>> (mean,) = mean_sections([[one], [two]])
     >>> mean.first, mean.signals.tolist()
-    (1, [[3.0, 4.0]])
+    (0, [[1.0, 3.0, 4.0, 6.0]])
     """
     strokes = [stroke for strokes in recordings for stroke in strokes]
     if not strokes:
@@ -67,21 +63,17 @@ def mean_sections(
     first, stop = min(s.first for s in strokes), max(s.stop for s in strokes)
     total = np.zeros((len(strokes[0].signals), stop - first))
     counts, visits = np.zeros(stop - first), np.zeros(stop - first)
-    for own in recordings:
+    for strokes_of_one in recordings:
         visited = np.zeros(stop - first, dtype=bool)
-        for stroke in own:
+        for stroke in strokes_of_one:
             grid = slice(stroke.first - first, stroke.stop - first)
             total[:, grid] += stroke.signals
             counts[grid] += 1
             visited[grid] = True
         visits += visited
-    known = np.flatnonzero((visits > 0) & (visits >= reached * len(recordings)))
+    known = np.flatnonzero(visits >= 0.5 * len(recordings))
     parts = np.split(known, np.flatnonzero(np.diff(known) > 1) + 1)
-    return tuple(
-        GridSignals(first + int(part[0]), total[:, part] / counts[part])
-        for part in parts
-        if len(part)
-    )
+    return tuple(GridSignals(first + int(p[0]), total[:, p] / counts[p]) for p in parts if len(p))
 
 
 @dataclass(frozen=True, repr=False)

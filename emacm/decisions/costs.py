@@ -15,18 +15,13 @@ import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-import joblib
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_number
-from emacm.decisions.truths import (
-    check_distinct,
-    label_array,
-    plain_labels,
-    truth_labels,
-)
+from emacm.decisions.pipelines import final_estimator, parts_of
+from emacm.decisions.truths import check_distinct, label_array, plain_labels, truth_labels
 
 
 def cost_table(
@@ -116,18 +111,18 @@ def cost_table(
 def stated_costs(estimator: Any) -> dict[str, Any]:
     """Return the cost by which an estimator decides, its unknown state and its priors.
 
-    They are found among its parameters. Those of an estimator inside another one that has a cost (a
-    member of a `PosteriorProduct`, for example) do not count: the outer one decides.
+    They are those of the last step of pipelines and searches. Those of an estimator inside of that
+    step (a member of a `PosteriorProduct`, for example) do not count.
 
     Returns
     -------
     dict
-        "cost", "unknown" and "priors"; None if they are not stated, or differ.
+        "cost", "unknown" and "priors"; None if they are not stated.
 
     Raises
     ------
     ValueError
-        If there are several costs that differ.
+        If the last step has no costs, but a classifier inside of it has, which decides nothing.
 
     Examples
     --------
@@ -137,20 +132,15 @@ def stated_costs(estimator: Any) -> dict[str, Any]:
     >>> stated_costs(make_pipeline(model))
     {'cost': None, 'unknown': 'unknown', 'priors': 'uniform'}
     """
-    given = estimator.get_params() if hasattr(estimator, "get_params") else {}
-    owners = [name.removesuffix("cost") for name in given if name.rpartition("__")[2] == "cost"]
-    outer = [o for o in owners if not any(o != other and o.startswith(other) for other in owners)]
-    stated = {}
-    for name in ("cost", "unknown", "priors"):
-        values = [given[owner + name] for owner in outer if given.get(owner + name) is not None]
-        distinct = {joblib.hash(value): value for value in values}
-        if name == "cost" and len(distinct) > 1:
+    final = final_estimator(estimator)
+    for inner in parts_of(final):
+        if not hasattr(final, "cost") and getattr(inner, "cost", None) is not None:
             raise ValueError(
-                "the estimator has several costs that differ. Put it into a LeastRiskClassifier "
-                "with the cost of its decisions."
+                f"the cost of {type(inner).__name__} has no effect on decisions of "
+                f"{type(final).__name__}. Use LeastRiskClassifier({type(final).__name__}(...), "
+                f"cost=...)."
             )
-        stated[name] = values[0] if len(distinct) == 1 else None
-    return stated
+    return {name: getattr(final, name, None) for name in ("cost", "unknown", "priors")}
 
 
 def narrowed(model: Any, known: Iterable[Any], classes: Iterable[Any]) -> Any:

@@ -173,19 +173,14 @@ def family_costs(
     inspect      0.3        0.3        0.3
     """
     family_of = family_mapping(families)
-    names, states = list(dict.fromkeys(family_of.values())), list(family_of)
+    names = list(dict.fromkeys(family_of.values()))
     if missed != 1 or false_alarm != 1 or healthy is not None:
         costs = _alarm_costs(costs, names, healthy, missed, false_alarm)
     with located("costs between families (the classes are the families here)"):
         decisions, matrix = cost_table(costs, label_array(names))
-    others = dict(other_decisions or {})
-    taken = [decision for decision in others if decision in decisions]
-    if taken:
-        raise ValueError(f"other_decisions contains {taken}, with costs between families already.")
-    values = [check_number(c, f"the cost of {d!r} in other_decisions") for d, c in others.items()]
     matrix = matrix[:, [names.index(family) for family in family_of.values()]]
-    matrix = np.vstack([matrix, np.repeat(np.reshape(values, (-1, 1)), len(states), axis=1)])
-    return pd.DataFrame(matrix, index=[*decisions.tolist(), *others], columns=states)
+    rows = dict(zip(decisions.tolist(), matrix.tolist(), strict=True))
+    return _cost_frame(rows, other_decisions, list(family_of))
 
 
 def set_costs(
@@ -267,44 +262,50 @@ def set_costs(
             f"opening has {len(parts)} parts, at most 10 are possible: decide each part alone, by "
             f"P(faulty) > opening / left."
         )
-    found = {
-        state: set() if state == healthy else set(state.split(" + "))
-        for state in dict.fromkeys(states)
-    }
-    for state, faulty in found.items():
+    faulty_parts = {state: set(state.split(" + ")) - {healthy} for state in states}
+    for state, faulty in faulty_parts.items():
         if not faulty <= set(parts):
             raise ValueError(f"opening must have the parts of the state {state!r}; got {parts}.")
     opens, leaves = (
         {part: check_number(value, f"the cost of {part!r} in {name}") for part, value in costs}
         for name, costs in (("opening", opening.items()), ("left", left.items()))
     )
-    sets = [chosen for n in range(len(parts) + 1) for chosen in combinations(parts, n)]
     rows = {
-        " + ".join(chosen) or healthy: [
-            sum(opens[p] for p in chosen) + sum(leaves[p] for p in faulty.difference(chosen))
-            for faulty in found.values()
+        " + ".join(opened) or healthy: [
+            sum(opens[p] for p in opened) + sum(leaves[p] for p in faulty.difference(opened))
+            for faulty in faulty_parts.values()
         ]
-        for chosen in sets
+        for n_opened in range(len(parts) + 1)
+        for opened in combinations(parts, n_opened)
     }
+    return _cost_frame(rows, other_decisions, list(faulty_parts))
+
+
+def _cost_frame(
+    rows: dict[Any, list[float]], other_decisions: Mapping[Any, float] | None, states: list[Any]
+) -> pd.DataFrame:
+    """Return costs as a table, with decisions whose cost does not depend on the true state."""
     for decision, value in (other_decisions or {}).items():
         if decision in rows:
-            raise ValueError(f"other_decisions contains {decision!r}, which is a set of parts.")
-        rows[decision] = [check_number(value, f"the cost of {decision!r}")] * len(found)
-    return pd.DataFrame.from_dict(rows, orient="index", columns=list(found), dtype=float)
+            raise ValueError(f"other_decisions contains {decision!r}, which has costs already.")
+        rows[decision] = [check_number(value, f"the cost of {decision!r} in other_decisions")]
+        rows[decision] *= len(states)
+    return pd.DataFrame(list(rows.values()), index=list(rows), columns=states, dtype=float)
 
 
 def _pairs(families: Mapping[Any, Any]) -> list[tuple[Any, Any]]:
     """Return each state and its family, from either form of families."""
-    lists = {name: np.iterable(each) and type(each) is not str for name, each in families.items()}
-    if not any(lists.values()):
+    listed = {name: np.iterable(v) and not isinstance(v, str) for name, v in families.items()}
+    if not any(listed.values()):
         return [tuple(plain_labels(pair)) for pair in families.items()]
-    for name, content in families.items():
-        if not (len(content) if lists[name] else content == name):
+    pairs = []
+    for family, states in families.items():
+        if not (len(states) if listed[family] else states == family):
             raise ValueError(
-                f"families must have a list of states for {name!r}, as others; got {content!r}."
+                f"families must have a list of states for {family!r}, as others; got {states!r}."
             )
-    listed = {name: each if lists[name] else [each] for name, each in families.items()}
-    return [(state, name) for name, each in listed.items() for state in plain_labels(each)]
+        pairs += [(s, family) for s in plain_labels(states if listed[family] else [states])]
+    return pairs
 
 
 def _alarm_costs(
@@ -319,7 +320,9 @@ def _alarm_costs(
         raise ValueError(
             "costs is a complete table: omit healthy, missed and false_alarm, or give a mapping."
         )
-    others = [family for family in families if family != healthy]
-    alarms = {(healthy, family): missed for family in others}
-    alarms |= {(family, healthy): false_alarm for family in others}
-    return alarms | dict(costs or {})
+    faults = [family for family in families if family != healthy]
+    return (
+        {(healthy, fault): missed for fault in faults}
+        | {(fault, healthy): false_alarm for fault in faults}
+        | dict(costs or {})
+    )

@@ -10,12 +10,7 @@ from numpy.typing import NDArray
 from sklearn import get_config
 from sklearn.base import BaseEstimator
 from sklearn.pipeline import Pipeline
-from sklearn.utils.metadata_routing import (
-    MetadataRouter,
-    MethodMapping,
-    get_routing_for_object,
-    process_routing,
-)
+from sklearn.utils import metadata_routing
 from sklearn.utils.validation import has_fit_parameter
 
 from emacm.recordings.meta import chosen_rows
@@ -33,15 +28,15 @@ class RoutingMixin:
 
     def get_metadata_routing(self):
         """Return which arguments of `fit` are passed on, as for any meta-estimator."""
-        router = MetadataRouter(owner=type(self).__name__).add_self_request(self)
-        fit = MethodMapping().add(caller="fit", callee="fit")
+        router = metadata_routing.MetadataRouter(owner=type(self).__name__).add_self_request(self)
+        fit = metadata_routing.MethodMapping().add(caller="fit", callee="fit")
         return router.add(estimator=self.estimator, method_mapping=fit)
 
     def _routed(self, fit_params: dict[str, Any]) -> dict[str, Any]:
         """Return the arguments of `fit` of `estimator`."""
         if not get_config()["enable_metadata_routing"]:
             return fit_params
-        return process_routing(self, "fit", **fit_params)["estimator"]["fit"]
+        return metadata_routing.process_routing(self, "fit", **fit_params)["estimator"]["fit"]
 
 
 def parameters_of_rows(
@@ -102,8 +97,7 @@ def before_the_last_step(estimator: Any, X: Any) -> tuple[Any, Any]:
     inner = search_estimator(estimator)
     if not hasattr(inner, "steps"):
         return inner, X
-    table = inner[:-1].transform(X) if len(inner) > 1 else X
-    return before_the_last_step(inner.steps[-1][1], table)
+    return before_the_last_step(inner[-1], inner[:-1].transform(X) if len(inner) > 1 else X)
 
 
 def groups_options(estimator: Any, groups: Any) -> dict[str, Any]:
@@ -134,7 +128,7 @@ def groups_options(estimator: Any, groups: Any) -> dict[str, Any]:
     if groups is None:
         return {}
     if get_config()["enable_metadata_routing"]:
-        names = get_routing_for_object(estimator).consumes("fit", ["groups"])
+        names = metadata_routing.get_routing_for_object(estimator).consumes("fit", ["groups"])
     else:
         names = _groups_parameters(estimator)
     return dict.fromkeys(names, groups)

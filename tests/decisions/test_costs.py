@@ -3,13 +3,15 @@
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.calibration import CalibratedClassifierCV
 from sklearn.dummy import DummyClassifier
 from sklearn.ensemble import VotingClassifier
 from sklearn.metrics import confusion_matrix
+from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from emacm import CostSensitiveGaussianBayes, PosteriorProduct
+from emacm import ConditionRouter, CostSensitiveGaussianBayes, PosteriorProduct
 from emacm.decisions.costs import cost_table, narrowed, stated_costs
 from emacm.decisions.metrics import expected_cost
 
@@ -158,17 +160,16 @@ def test_costs_are_narrowed_to_the_classes_that_occur_at_any_depth(cost, expecte
     assert narrowed(member(cost), CLASSES, CLASSES).cost is cost
 
 
-def test_the_outer_cost_decides_and_several_beside_one_another_must_agree():
+def test_the_cost_that_decides_is_that_of_the_last_step():
     inner = member(OTHER, unknown="odd", priors="uniform")
+    stated = {"cost": OTHER, "unknown": "odd", "priors": "uniform"}
+    chain = make_pipeline(StandardScaler(), inner)
+    for estimator in (inner, chain, GridSearchCV(chain, {}), ConditionRouter(chain, "load")):
+        assert stated_costs(estimator) == stated
     assert stated_costs(PosteriorProduct([("a", inner)], cost=MATRIX))["cost"] is MATRIX
     nothing = {"cost": None, "unknown": None, "priors": None}
-    assert stated_costs(PosteriorProduct([("a", inner)])) == nothing
-    every = {"cost": OTHER, "unknown": "odd", "priors": "uniform"}
-    assert stated_costs(make_pipeline(StandardScaler(), inner)) == every
-    assert stated_costs(DummyClassifier()) == stated_costs(object()) == nothing
-    pair = [("a", inner), ("b", member(dict(OTHER)))]
-    assert stated_costs(VotingClassifier(pair)) == every
-    pair[1] = ("b", member(dict(OTHER), unknown="new"))
-    assert stated_costs(VotingClassifier(pair)) == every | {"unknown": None}
-    with pytest.raises(ValueError, match="several costs that differ"):
-        stated_costs(VotingClassifier([("a", inner), ("b", member(MATRIX))]))
+    for estimator in (PosteriorProduct([("a", inner)]), VotingClassifier([("a", member())])):
+        assert stated_costs(estimator) == nothing
+    for estimator in (VotingClassifier([("a", inner)]), CalibratedClassifierCV(inner)):
+        with pytest.raises(ValueError, match=r"no effect on decisions of .*LeastRiskClassifier"):
+            stated_costs(make_pipeline(StandardScaler(), estimator))
