@@ -32,7 +32,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
     condition : hashable, tuple or callable, default="load"
         Key of the recordings' `meta` ("load", "unit"), a tuple of keys, or a function of the
         recording.
-    healthy : label, or collection of labels, default="normal"
+    healthy : label, or collection of labels, default="healthy"
         Healthy recordings: those with these labels in `y`.
     baseline_recordings : list of Recording, optional
         Further healthy recordings, for example of commissioning, used in addition to those in
@@ -76,7 +76,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
     ...     for level, load in [(1.0, 20), (3.0, 40), (1.5, 20), (3.5, 40)]
     ... ]
     >>> levels = FunctionTransformer(lambda X: [[run.signals["current"].mean()] for run in X])
-    >>> y = ["normal", "normal", "worn", "worn"]
+    >>> y = ["healthy", "healthy", "worn", "worn"]
     >>> FeatureBaseline(levels).fit_transform(runs, y).ravel().tolist()
     [0.0, 0.0, 0.5, 0.5]
     """
@@ -86,7 +86,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         transformer: Any,
         *,
         condition: Any = "load",
-        healthy: Any = "normal",
+        healthy: Any = "healthy",
         baseline_recordings: Sequence[Any] | None = None,
     ) -> None:
         super().__init__(condition, healthy, baseline_recordings)

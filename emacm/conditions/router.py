@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import ClassifierMixin, MetaEstimatorMixin, clone, is_classifier
 from sklearn.utils import get_tags
 from sklearn.utils.metaestimators import available_if
-from sklearn.utils.validation import check_is_fitted
+from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from emacm._checks import check_choice, located
 from emacm._saved import SavedEstimator
@@ -34,14 +34,9 @@ Rows = NDArray[np.intp]
 
 def check_labels(y: Any, n_recordings: int) -> None:
     """Raise if y does not hold one valid class for each recording."""
-    if np.ndim(y) == 0:
-        raise TypeError(
-            f"a classifier needs y, a list or an array with one class for each recording; got "
-            f"{type(y).__name__}."
-        )
-    if len(y) != n_recordings:
-        raise ValueError(f"y has {len(y)} entries for {n_recordings} recordings.")
     check_classes(y)
+    if len(column_or_1d(y)) != n_recordings:
+        raise ValueError(f"y has {len(y)} entries for {n_recordings} recordings.")
 
 
 def _has(method: str) -> Callable[[Any], bool]:

@@ -15,7 +15,7 @@ from emacm.decisions.costs import cost_table
 from emacm.decisions.truths import label_array, label_list, label_positions, plain_labels
 
 
-def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
+def family_mapping(families: Any) -> dict[Any, Any]:
     """Read families as a mapping from each state to its family.
 
     Parameters
@@ -23,8 +23,6 @@ def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
     families : mapping
         Either {state: family}, or {family: states} with lists (or other collections) of states. In
         the second form, a family with one state of the same name may be written without a list.
-    classes : array-like of shape (n_classes,), optional
-        Classes that must have a family.
 
     Returns
     -------
@@ -36,7 +34,7 @@ def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
     TypeError
         If `families` is not a mapping, or empty.
     ValueError
-        If a family has no states, a state has no family or two, the two forms are mixed, or a
+        If a family has no states, a state has two families, the two forms are mixed, or a
         family has the name of a state of another family.
 
     Examples
@@ -52,7 +50,7 @@ def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
             f"to its states, as {{'worn': ['worn1', 'worn2']}}; got {families!r}."
         )
     family_of: dict[Any, Any] = {}
-    for state, family in _pairs(families):
+    for state, family in _states_and_families(families):
         if family_of.setdefault(state, family) != family:
             raise ValueError(
                 f"families puts the state {state!r} into {family_of[state]!r} and into {family!r}."
@@ -63,9 +61,6 @@ def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
                 f"families has a family {family!r} and a state {family!r} that belongs to "
                 f"{family_of[family]!r}: a decision for {family!r} is ambiguous. Rename one."
             )
-    missing = [label for label in plain_labels(np.asarray(classes)) if label not in family_of]
-    if missing:
-        raise ValueError(f"families must name a family for every class; missing: {missing}.")
     return family_of
 
 
@@ -111,8 +106,8 @@ def family_costs(
     *,
     other_decisions: Mapping[Any, float] | None = None,
     healthy: Any = None,
-    missed: float = 1.0,
-    false_alarm: float = 1.0,
+    missed_cost: float = 1.0,
+    false_alarm_cost: float = 1.0,
 ) -> pd.DataFrame:
     """Return costs of decisions on families, for a classifier that is trained on the states.
 
@@ -132,8 +127,8 @@ def family_costs(
     other_decisions : mapping of decision to cost, optional
         Further decisions whose cost does not depend on the true state, such as {"inspect": 0.3}.
     healthy : family, optional
-        The family to which `missed` and `false_alarm` refer.
-    missed, false_alarm : float, default=1
+        The family to which `missed_cost` and `false_alarm_cost` refer.
+    missed_cost, false_alarm_cost : float, default=1
         Cost of deciding `healthy` when another family is true (missed detection), and of the
         reverse (false alarm). Entries of a mapping `costs` take precedence.
 
@@ -149,7 +144,7 @@ def family_costs(
         If `families` is not a mapping, or a cost is not a number.
     ValueError
         If `families` is ambiguous, a family is unknown, one of `other_decisions` is a family, or
-        `missed` or `false_alarm` is given without `healthy` or together with a complete table.
+        `missed_cost` or `false_alarm_cost` is given without `healthy` or with a complete table.
 
     See Also
     --------
@@ -166,7 +161,7 @@ def family_costs(
     Examples
     --------
     >>> families = {"normal": ["normal"], "spalling": ["spalling1", "spalling2"]}
-    >>> family_costs(families, other_decisions={"inspect": 0.3}, healthy="normal", missed=10)
+    >>> family_costs(families, other_decisions={"inspect": 0.3}, healthy="normal", missed_cost=10)
               normal  spalling1  spalling2
     normal       0.0       10.0       10.0
     spalling     1.0        0.0        0.0
@@ -174,8 +169,8 @@ def family_costs(
     """
     family_of = family_mapping(families)
     names = list(dict.fromkeys(family_of.values()))
-    if missed != 1 or false_alarm != 1 or healthy is not None:
-        costs = _alarm_costs(costs, names, healthy, missed, false_alarm)
+    if missed_cost != 1 or false_alarm_cost != 1 or healthy is not None:
+        costs = _alarm_costs(costs, names, healthy, missed_cost, false_alarm_cost)
     with located("costs between families (the classes are the families here)"):
         decisions, matrix = cost_table(costs, label_array(names))
     matrix = matrix[:, [names.index(family) for family in family_of.values()]]
@@ -293,7 +288,7 @@ def _cost_frame(
     return pd.DataFrame(list(rows.values()), index=list(rows), columns=states, dtype=float)
 
 
-def _pairs(families: Mapping[Any, Any]) -> list[tuple[Any, Any]]:
+def _states_and_families(families: Mapping[Any, Any]) -> list[tuple[Any, Any]]:
     """Return each state and its family, from either form of families."""
     listed = {name: np.iterable(v) and not isinstance(v, str) for name, v in families.items()}
     if not any(listed.values()):
@@ -309,16 +304,16 @@ def _pairs(families: Mapping[Any, Any]) -> list[tuple[Any, Any]]:
 
 
 def _alarm_costs(
-    costs: Any, families: list[Any], healthy: Any, missed: Any, false_alarm: Any
+    costs: Any, families: list[Any], healthy: Any, missed: float, false_alarm: float
 ) -> dict[Any, Any]:
     """Return costs between families that contain those of missed detections and false alarms."""
     if healthy not in families:
         raise ValueError(
-            f"missed and false_alarm need healthy, one of {families}; got healthy={healthy!r}."
+            f"missed_cost and false_alarm_cost need healthy, one of {families}; got {healthy!r}."
         )
     if not isinstance(costs, Mapping | None):
         raise ValueError(
-            "costs is a complete table: omit healthy, missed and false_alarm, or give a mapping."
+            "costs is a complete table: give a mapping, or omit healthy and the costs that need it."
         )
     faults = [family for family in families if family != healthy]
     return (

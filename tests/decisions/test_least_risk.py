@@ -61,8 +61,7 @@ def assert_same(model, refitted):
     for method in ("predict", "risk", "predict_proba", "predict_log_proba"):
         found, expected = getattr(model, method)(LATER), getattr(refitted, method)(LATER)
         np.testing.assert_array_equal(found, expected)
-    truths = np.where(Y_LATER == "dry", "dry", Y_LATER)
-    assert model.score(LATER, truths) == refitted.score(LATER, truths)
+    assert model.score(LATER, Y_LATER) == refitted.score(LATER, Y_LATER)
     assert neg_expected_cost(model, LATER, Y_LATER) == neg_expected_cost(refitted, LATER, Y_LATER)
 
 
@@ -123,13 +122,10 @@ def test_an_invalid_later_cost_or_prior_is_an_error_in_predict(kind, options, me
 # Any classifier
 
 
-WRAPPED = LeastRiskClassifier(LogisticRegression())
-
-
 @pytest.mark.slow
 @parametrize_with_checks(
     [
-        WRAPPED,
+        LeastRiskClassifier(LogisticRegression()),
         LeastRiskClassifier(CostSensitiveGaussianBayes(covariance="tied", shrinkage=0.1)),
     ]
 )
@@ -150,8 +146,7 @@ def test_other_priors_follow_from_bayes_rule():
     own = model.estimator_.predict_proba(LATER)
     frequencies = np.array([9, 20, 14]) / 43
     np.testing.assert_allclose(model.estimator_priors_, frequencies)
-    for each in (model, clone(model).set_params(priors=None).fit(X, Y)):
-        assert each.truths_.tolist() == ["dry", "new", "spall"]
+    assert model.truths_.tolist() == ["dry", "new", "spall"]
     expected = own * [0.2, 0.7, 0.1] / frequencies
     expected /= expected.sum(axis=1, keepdims=True)
     np.testing.assert_allclose(model.predict_proba(LATER), expected, rtol=1e-12)
@@ -203,13 +198,9 @@ def test_weights_reach_the_estimator_and_its_prior():
         repeated = LeastRiskClassifier(estimator, priors="uniform")
         repeated.fit(np.repeat(X, weight, axis=0), np.repeat(Y, weight))
         np.testing.assert_allclose(model.estimator_priors_, repeated.estimator_priors_)
-    np.testing.assert_allclose(
-        LeastRiskClassifier(GaussianNB()).fit(X, Y, sample_weight=weight).predict_proba(LATER),
-        LeastRiskClassifier(GaussianNB())
-        .fit(np.repeat(X, weight, axis=0), np.repeat(Y, weight))
-        .predict_proba(LATER),
-        rtol=1e-6,
-    )
+        found, expected = model.predict_proba(LATER), repeated.predict_proba(LATER)
+        if name == "sample_weight":  # the scaler has no weights
+            np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
 def test_a_search_inside_and_outside():

@@ -75,12 +75,6 @@ def test_neither_negative_nor_positive_costs_change_which_decision_is_correct(co
     assert [correct[k] for k in ("new", "worn", "broken")] == [("fly",), ("ground",), ("ground",)]
 
 
-def test_where_all_decisions_are_free_each_of_them_is_correct():
-    correct = correct_decisions(["fly", "ground"], [4, 2], [[0.0, 7.0], [0.0, 1.0]])
-    assert correct[4] == ("fly", "ground")
-    assert correct[2] == ("ground",)
-
-
 def test_a_class_decided_for_another_of_its_family_is_correct():
     correct = correct_decisions(FAMILIES, STATES, COST)
     found = are_correct(["dry 1", "dry 1", "spall"], ["dry 2", "spall", "spalled"], correct)

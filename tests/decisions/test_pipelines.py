@@ -7,7 +7,6 @@ import sklearn
 from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV, GroupKFold, RandomizedSearchCV
 from sklearn.naive_bayes import GaussianNB
-from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
@@ -40,24 +39,6 @@ def test_the_input_of_the_last_step_is_transformed_by_all_others():
     np.testing.assert_array_equal(final.predict(table), model.predict(X))
 
 
-def test_groups_are_passed_to_all_steps_that_leave_them_out():
-    classifier = CostSensitiveGaussianBayes(temperature="groups")
-    bins = make_pipeline(BinTransformer(), StandardScaler())
-    both = {"pipeline__bintransformer", "costsensitivegaussianbayes"}
-    inside = LeastRiskClassifier(make_pipeline(bins, GaussianNB()))
-    for model, names in (
-        (classifier, {"groups"}),
-        (CostSensitiveGaussianBayes(), set()),
-        (make_pipeline(bins, classifier), both),
-        (GridSearchCV(make_pipeline(bins, GaussianNB()), {}), {"pipeline__bintransformer"}),
-        (inside, {"pipeline__bintransformer"}),
-    ):
-        found = groups_options(model, ["a", "b"])
-        assert {name.removesuffix("__groups") for name in found} == names
-        assert all(groups == ["a", "b"] for groups in found.values())
-        assert groups_options(model, None) == {}
-
-
 def in_pipeline(classifier):
     return make_pipeline(StandardScaler(), classifier)
 
@@ -72,15 +53,21 @@ def in_pipeline(classifier):
         ({"temperature": 2.0}, False),
     ],
 )
-def test_groups_reach_a_classifier_that_leaves_them_out_under_the_name_of_its_step(options, needed):
-    model = CostSensitiveGaussianBayes(**options)
-    nested = make_pipeline(make_pipeline(StandardScaler(), model))
-    search = GridSearchCV(in_pipeline(model), {})
-    names = "groups", "costsensitivegaussianbayes__groups"
-    expected = [names[0], names[1], f"pipeline__{names[1]}", names[1]]
-    for each, name in zip((model, in_pipeline(model), nested, search), expected, strict=True):
-        assert groups_options(each, ["a", "b"]) == ({name: ["a", "b"]} if needed else {})
-    assert not any(groups_are_units(each) for each in (model, nested, search))
+def test_groups_are_passed_to_all_steps_that_leave_them_out_by_their_names(options, needed):
+    classifier, step = CostSensitiveGaussianBayes(**options), "costsensitivegaussianbayes__groups"
+    bins = {"pipeline__bintransformer__groups"}
+    with_bins = make_pipeline(make_pipeline(BinTransformer(), StandardScaler()), classifier)
+    for model, names, always in (
+        (classifier, {"groups"}, set()),
+        (make_pipeline(in_pipeline(classifier)), {f"pipeline__{step}"}, set()),
+        (GridSearchCV(in_pipeline(classifier), {}), {step}, set()),
+        (with_bins, {step}, bins),
+        (LeastRiskClassifier(with_bins), {step}, bins),
+    ):
+        names = names | always if needed else always
+        assert groups_options(model, ["a", "b"]) == {name: ["a", "b"] for name in names}
+        assert groups_options(model, None) == {}
+        assert not groups_are_units(model)
 
 
 def test_units_are_the_groups_of_a_classifier_for_new_units_wherever_it_is():
@@ -155,7 +142,7 @@ def test_a_search_stands_for_its_best_estimator_once_it_is_fitted():
     search = GridSearchCV(GaussianNB(), {"var_smoothing": [0.5]}, cv=2)
     assert search_estimator(search) is search.estimator
     assert search_estimator(search.fit(X, Y)).var_smoothing == 0.5
-    random = RandomizedSearchCV(KNeighborsClassifier(), {"n_neighbors": [1]}, n_iter=1)
+    random = RandomizedSearchCV(GaussianNB(), {"var_smoothing": [1]}, n_iter=1)
     assert search_estimator(random) is random.estimator
     assert search_estimator(LeastRiskClassifier(GaussianNB())).estimator is not None
     plain = GaussianNB()
