@@ -124,7 +124,7 @@ def cost_matrix(classes: ArrayLike, missed: float) -> pd.DataFrame:
     """
     states = {name: [name] for name in np.asarray(classes).tolist()}
     others = {INSPECT: INSPECTION, UNKNOWN: 1.0}  # unknown: taken out of service in vain
-    return family_costs(states, other_decisions=others, healthy=HEALTHY, missed=missed)
+    return family_costs(states, other_decisions=others, healthy=HEALTHY, missed_cost=missed)
 
 
 def priors(classes: ArrayLike) -> dict[str, float]:

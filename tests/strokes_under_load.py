@@ -53,7 +53,7 @@ def made_fleet():
         run(load, fault, offset=offset, noise=0.02, seed=10 * seed + i)
         for i, (load, fault, offset, seed) in enumerate(cases)
     ]
-    return runs, np.array(["worn" if fault else "normal" for _, fault, _, _ in cases])
+    return runs, np.array(["worn" if fault else "healthy" for _, fault, _, _ in cases])
 
 
 def inside(stroke, margin=16):

@@ -32,7 +32,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
     condition : hashable, tuple or callable, default="load"
         Key of the recordings' `meta` ("load", "unit"), a tuple of keys, or a function of the
         recording.
-    healthy : label, or collection of labels, default="normal"
+    healthy : label, or collection of labels, default="healthy"
         Healthy recordings: those with these labels in `y`.
     baseline_recordings : list of Recording, optional
         Further healthy recordings, for example of commissioning, used in addition to those in
@@ -76,7 +76,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
     ...     for level, load in [(1.0, 20), (3.0, 40), (1.5, 20), (3.5, 40)]
     ... ]
     >>> levels = FunctionTransformer(lambda X: [[run.signals["current"].mean()] for run in X])
-    >>> y = ["normal", "normal", "worn", "worn"]
+    >>> y = ["healthy", "healthy", "worn", "worn"]
     >>> FeatureBaseline(levels).fit_transform(runs, y).ravel().tolist()
     [0.0, 0.0, 0.5, 0.5]
     """
@@ -86,7 +86,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         transformer: Any,
         *,
         condition: Any = "load",
-        healthy: Any = "normal",
+        healthy: Any = "healthy",
         baseline_recordings: Sequence[Any] | None = None,
     ) -> None:
         super().__init__(condition, healthy, baseline_recordings)
@@ -114,7 +114,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
             recording, a recording was sampled at another rate than the healthy ones, or a feature
             is not finite; the message gives the recording or the condition.
         """
-        self._fitted_table(X, y)
+        self.fit_transform(X, y)
         return self
 
     def transform(self, X: Any) -> Any:
@@ -155,7 +155,22 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         array, OrderTable or DataFrame of shape (n_recordings, n_features)
             As `transform` returns.
         """
-        return self._difference(X, self._fitted_table(X, y))
+        if isinstance(self.transformer, type) or not hasattr(self.transformer, "fit_transform"):
+            raise TypeError(
+                f"transformer must compute a table from recordings, got {self.transformer!r}."
+            )
+        found = self._find_healthy(X, y)
+        transformer = clone(self.transformer)
+        table = transformer.fit_transform(X, y)
+        values = _values(table)
+        healthy = values[found.mask]
+        if found.further:
+            healthy = np.concatenate([healthy, _values(transformer.transform(found.further))])
+        self._rates = found.rates
+        self.means_ = {value: healthy[rows].mean(axis=0) for value, rows in found.rows.items()}
+        self.transformer_, self.conditions_ = transformer, tuple(self.means_)
+        self._report_effect(X, values)
+        return self._difference(X, table)
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Return the names of the transformer's features.
@@ -189,25 +204,6 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
             if inner is not None and hasattr(inner, "set_output"):
                 inner.set_output(transform=transform)
         return self
-
-    def _fitted_table(self, X: Any, y: ArrayLike | None) -> Any:
-        """Fit, and return the features of X before the subtraction."""
-        if isinstance(self.transformer, type) or not hasattr(self.transformer, "fit_transform"):
-            raise TypeError(
-                f"transformer must compute a table from recordings, got {self.transformer!r}."
-            )
-        found = self._find_healthy(X, y)
-        transformer = clone(self.transformer)
-        table = transformer.fit_transform(X, y)
-        values = _values(table)
-        healthy = values[found.mask]
-        if found.further:
-            healthy = np.concatenate([healthy, _values(transformer.transform(found.further))])
-        self._rates = found.rates
-        self.means_ = {value: healthy[rows].mean(axis=0) for value, rows in found.rows.items()}
-        self.transformer_, self.conditions_ = transformer, tuple(self.means_)
-        self._report_effect(X, values)
-        return table
 
     def _report_effect(self, X: Any, values: NDArray[np.float64]) -> None:
         """Warn if the baseline shifts the features much more than they scatter."""

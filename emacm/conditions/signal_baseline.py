@@ -37,17 +37,13 @@ class GridSignals(NamedTuple):
         return self.first + self.signals.shape[-1]
 
 
-def mean_sections(
-    recordings: Sequence[Sequence[GridSignals]], *, reached: float = 0.5
-) -> tuple[GridSignals, ...]:
-    """Average strokes at each grid angle that enough recordings contain.
+def mean_sections(recordings: Sequence[Sequence[GridSignals]]) -> tuple[GridSignals, ...]:
+    """Average strokes at each grid angle that at least half of the recordings contain.
 
     Parameters
     ----------
     recordings : sequence of sequence of GridSignals, each of shape (n_channels, n_angles)
         The strokes of each recording, on a common grid.
-    reached : float
-        Fraction of the recordings that must contain an angle.
 
     Returns
     -------
@@ -57,9 +53,9 @@ def mean_sections(
     Examples
     --------
     >>> one, two = GridSignals(0, np.array([[1.0, 2, 3]])), GridSignals(1, np.array([[4.0, 5, 6]]))
-    >>> (mean,) = mean_sections([[one], [two]], reached=1)
+    >>> (mean,) = mean_sections([[one], [two]])
     >>> mean.first, mean.signals.tolist()
-    (1, [[3.0, 4.0]])
+    (0, [[1.0, 3.0, 4.0, 6.0]])
     """
     strokes = [stroke for strokes in recordings for stroke in strokes]
     if not strokes:
@@ -67,21 +63,17 @@ def mean_sections(
     first, stop = min(s.first for s in strokes), max(s.stop for s in strokes)
     total = np.zeros((len(strokes[0].signals), stop - first))
     counts, visits = np.zeros(stop - first), np.zeros(stop - first)
-    for own in recordings:
+    for of_one in recordings:
         visited = np.zeros(stop - first, dtype=bool)
-        for stroke in own:
+        for stroke in of_one:
             grid = slice(stroke.first - first, stroke.stop - first)
             total[:, grid] += stroke.signals
             counts[grid] += 1
             visited[grid] = True
         visits += visited
-    known = np.flatnonzero((visits > 0) & (visits >= reached * len(recordings)))
+    known = np.flatnonzero(visits >= 0.5 * len(recordings))
     parts = np.split(known, np.flatnonzero(np.diff(known) > 1) + 1)
-    return tuple(
-        GridSignals(first + int(part[0]), total[:, part] / counts[part])
-        for part in parts
-        if len(part)
-    )
+    return tuple(GridSignals(first + int(p[0]), total[:, p] / counts[p]) for p in parts if len(p))
 
 
 @dataclass(frozen=True, repr=False)
@@ -134,12 +126,14 @@ def mean_baseline(recordings: Sequence[AngleRecording], name: str) -> AngleBasel
         At angles that at least half of the recordings contain (of those with strokes in
         this direction).
     """
-    strokes = [[GridStroke.of(stroke) for stroke in each.strokes] for each in recordings]
+    strokes = [[GridStroke.of(stroke) for stroke in r.strokes] for r in recordings]
     sections = {}
-    for direction in sorted({stroke.direction for own in strokes for stroke in own}):
-        found = ([each for each in own if each.direction == direction] for own in strokes)
-        parts = [[GridSignals(each.first, each.signals) for each in own] for own in found if own]
-        sections[direction] = mean_sections(parts)
+    for direction in sorted({stroke.direction for of_one in strokes for stroke in of_one}):
+        signals = [
+            [GridSignals(s.first, s.signals) for s in of_one if s.direction == direction]
+            for of_one in strokes
+        ]
+        sections[direction] = mean_sections([of_one for of_one in signals if of_one])
     return AngleBaseline(recordings[0].theta_s, sections, name)
 
 
@@ -283,7 +277,7 @@ class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ig
     condition : hashable, tuple or callable, default="load"
         Key of the recordings' `meta` ("load", "unit"), a tuple of keys, or a function of the
         recording.
-    healthy : label, or collection of labels, default="normal"
+    healthy : label, or collection of labels, default="healthy"
         Healthy recordings: those with these labels in `y`.
     baseline_recordings : list of Recording or AngleRecording, optional
         Further healthy recordings, for example of commissioning, used in addition to those in
@@ -331,7 +325,7 @@ class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ig
     ...     for level in (1.0, 1.5)
     ... ]
     >>> rows = OrderResampler(0.1).fit_transform(runs)
-    >>> residual = SignalBaseline().fit_transform(rows, ["normal", "worn"])
+    >>> residual = SignalBaseline().fit_transform(rows, ["healthy", "worn"])
     >>> float(residual[1].strokes[0].signals.mean().round(3))
     0.5
     """
@@ -340,7 +334,7 @@ class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ig
         self,
         *,
         condition: Any = "load",
-        healthy: Any = "normal",
+        healthy: Any = "healthy",
         baseline_recordings: Sequence[Any] | None = None,
     ) -> None:
         super().__init__(condition, healthy, baseline_recordings)

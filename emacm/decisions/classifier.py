@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -142,6 +142,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
     """
 
     needs_groups = False
+    __metadata_request__fit: ClassVar = {"groups": True}  # where metadata routing is enabled
 
     def __init__(
         self,

@@ -12,21 +12,16 @@ References
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-import joblib
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_number
-from emacm.decisions.truths import (
-    check_distinct,
-    label_array,
-    plain_labels,
-    truth_labels,
-)
+from emacm.decisions.pipelines import final_estimator, parts_of
+from emacm.decisions.truths import check_distinct, label_array, plain_labels, truth_labels
 
 
 def cost_table(
@@ -116,18 +111,18 @@ def cost_table(
 def stated_costs(estimator: Any) -> dict[str, Any]:
     """Return the cost by which an estimator decides, its unknown state and its priors.
 
-    They are found among its parameters. Those of an estimator inside another one that has a cost (a
-    member of a `PosteriorProduct`, for example) do not count: the outer one decides.
+    They are those of the last step of pipelines and searches. Those of an estimator inside of that
+    step (a member of a `PosteriorProduct`, for example) do not count.
 
     Returns
     -------
     dict
-        "cost", "unknown" and "priors"; None if they are not stated, or differ.
+        "cost", "unknown" and "priors"; None if they are not stated.
 
     Raises
     ------
     ValueError
-        If there are several costs that differ.
+        If the last step has no costs, but a classifier inside of it has, which decides nothing.
 
     Examples
     --------
@@ -137,64 +132,77 @@ def stated_costs(estimator: Any) -> dict[str, Any]:
     >>> stated_costs(make_pipeline(model))
     {'cost': None, 'unknown': 'unknown', 'priors': 'uniform'}
     """
-    given = estimator.get_params() if hasattr(estimator, "get_params") else {}
-    owners = [name.removesuffix("cost") for name in given if name.rpartition("__")[2] == "cost"]
-    outer = [o for o in owners if not any(o != other and o.startswith(other) for other in owners)]
-    stated = {}
-    for name in ("cost", "unknown", "priors"):
-        values = [given[owner + name] for owner in outer if given.get(owner + name) is not None]
-        distinct = {joblib.hash(value): value for value in values}
-        if name == "cost" and len(distinct) > 1:
+    final = final_estimator(estimator)
+    for inner in parts_of(final):
+        if not hasattr(final, "cost") and getattr(inner, "cost", None) is not None:
             raise ValueError(
-                "the estimator has several costs that differ. Put it into a LeastRiskClassifier "
-                "with the cost of its decisions."
+                f"the cost of {type(inner).__name__} has no effect on decisions of "
+                f"{type(final).__name__}. Use LeastRiskClassifier({type(final).__name__}(...), "
+                f"cost=...)."
             )
-        stated[name] = values[0] if len(distinct) == 1 else None
-    return stated
+    return {name: getattr(final, name, None) for name in ("cost", "unknown", "priors")}
 
 
-def cost_of_some(cost: Any, known: Sequence[Any], all_classes: Sequence[Any]) -> Any:
-    """Remove classes that do not occur from a cost.
+def narrowed(model: Any, known: Iterable[Any], classes: Iterable[Any]) -> Any:
+    """Remove classes that do not occur from all costs and priors of an estimator, nested ones too.
 
     The posterior probability of a class that is absent from training is 0, and so is its
     contribution to every expected cost, Eq. (2.39) of [1]_: removing its column changes no
-    decision among those that remain.
+    decision among those that remain. Priors of the other classes are normalised.
 
     Parameters
     ----------
-    cost : None, array-like, DataFrame or mapping
-        As for `cost_table`.
-    known : sequence
-        Classes that occur.
-    all_classes : sequence
-        All classes, sorted.
+    model : estimator
+        It is changed; pass a clone. Of a cost, a DataFrame keeps every decision, a mapping loses
+        the pairs that name an absent class, an array its rows and columns. What does not fit the
+        classes stays as it is.
+    known, classes : iterable of labels
+        Classes that occur, and all classes, sorted.
 
     Returns
     -------
-    None, array-like, DataFrame or mapping
-        A DataFrame without the columns of absent classes, and with every decision; a mapping
-        without pairs that name an absent class; an array without their rows and columns. A cost
-        that does not fit `all_classes` is returned unchanged.
+    estimator
+        The same object.
 
     Examples
     --------
-    >>> cost_of_some({("ok", "worn"): 10, ("ok", "dry"): 5}, ["dry", "ok"], ["dry", "ok", "worn"])
-    {('ok', 'dry'): 5}
+    >>> from emacm import CostSensitiveGaussianBayes
+    >>> model = CostSensitiveGaussianBayes({("ok", "worn"): 10, ("ok", "dry"): 5})
+    >>> narrowed(model, ["dry", "ok"], ["dry", "ok", "worn"])
+    CostSensitiveGaussianBayes(cost={('ok', 'dry'): 5})
     """
-    absent = [label for label in all_classes if label not in known]
-    if cost is None or not absent:
-        return cost
+    every, occurring = plain_labels(classes), plain_labels(known)
+    absent = {place: label for place, label in enumerate(every) if label not in occurring}
+    of_some = {"cost": _cost_of_some, "priors": _priors_of_some}
+    for name, value in model.get_params().items() if absent else ():
+        parameter = name.rpartition("__")[2]
+        if parameter in of_some:
+            model.set_params(**{name: of_some[parameter](value, absent, len(every))})
+    return model
+
+
+def _cost_of_some(cost: Any, absent: Mapping[int, Any], n_classes: int) -> Any:
+    """Remove absent classes, given by their place."""
     if isinstance(cost, pd.DataFrame):
-        return cost.drop(columns=absent, errors="ignore")
+        return cost.drop(columns=[*absent.values()], errors="ignore")
     if isinstance(cost, Mapping):
         check_pairs(cost)
-        return {pair: value for pair, value in cost.items() if not set(pair) & set(absent)}
-    n_classes = len(all_classes)
-    if np.shape(cost) not in {(n_classes,) * 2, (n_classes + 1,) * 2}:
+        named = set(absent.values())
+        return {pair: value for pair, value in cost.items() if not named & set(pair)}
+    if np.shape(cost) not in {(n_classes,) * 2, (n_classes + 1,) * 2}:  # such as None
         return cost
-    kept = [place for place, label in enumerate(all_classes) if label in known]
-    kept += range(n_classes, len(cost))  # the last may be the unknown state
-    return np.asarray(cost)[np.ix_(kept, kept)]
+    return np.delete(np.delete(cost, [*absent], axis=0), [*absent], axis=1)
+
+
+def _priors_of_some(priors: Any, absent: Mapping[int, Any], n_classes: int) -> Any:
+    """Remove absent classes, given by their place, and normalise."""
+    if isinstance(priors, Mapping | pd.Series):
+        kept = pd.Series(dict(priors)).drop([*absent.values()], errors="ignore")
+        return (kept / kept.sum()).to_dict() if kept.sum() > 0 else priors
+    if np.shape(priors) not in {(n_classes,), (n_classes + 1,)}:  # such as "uniform"
+        return priors
+    values = np.delete(priors, [*absent])
+    return values / values.sum() if values.sum() > 0 else priors
 
 
 def check_pairs(cost: Mapping[Any, Any]) -> None:
@@ -204,6 +212,23 @@ def check_pairs(cost: Mapping[Any, Any]) -> None:
             raise TypeError(
                 f"the keys of a cost mapping must be tuples (decision, true class), got {key!r}."
             )
+
+
+def numbered_classes_hint(label: Any, classes: Sequence[Any]) -> str:
+    """Return the remedy where scikit-learn has numbered the classes, and `label` is a name.
+
+    Examples
+    --------
+    >>> numbered_classes_hint("worn", ["healthy", "screw"])
+    ''
+    """
+    if not isinstance(label, str) or any(isinstance(known, str) for known in classes):
+        return ""
+    return (
+        " Meta-estimators of scikit-learn pass classes as numbers. State costs and priors outside: "
+        "LeastRiskClassifier(VotingClassifier(...), cost=..., priors=...). "
+        'cross_val_predict(method="predict_proba") needs no costs, and priors as an array.'
+    )
 
 
 def _stated_pairs(
@@ -256,9 +281,8 @@ def _check_labels(
     """Raise a ValueError if a label of a cost is missing or unknown, or a cost is not stated."""
     for _, truth in stated:
         if truth not in truths:
-            raise ValueError(
-                f"cost names the class {truth!r} as a truth, which is unknown. Known: {truths}."
-            )
+            text = f"cost names the class {truth!r} as a truth, which is unknown. Known: {truths}."
+            raise ValueError(text + numbered_classes_hint(truth, known))
     for decision in rows:
         missing = [truth for truth in known if (decision, truth) not in stated]
         if decision not in truths and missing:

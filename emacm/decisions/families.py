@@ -15,7 +15,7 @@ from emacm.decisions.costs import cost_table
 from emacm.decisions.truths import label_array, label_list, label_positions, plain_labels
 
 
-def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
+def family_mapping(families: Any) -> dict[Any, Any]:
     """Read families as a mapping from each state to its family.
 
     Parameters
@@ -23,8 +23,6 @@ def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
     families : mapping
         Either {state: family}, or {family: states} with lists (or other collections) of states. In
         the second form, a family with one state of the same name may be written without a list.
-    classes : array-like of shape (n_classes,), optional
-        Classes that must have a family.
 
     Returns
     -------
@@ -36,7 +34,7 @@ def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
     TypeError
         If `families` is not a mapping, or empty.
     ValueError
-        If a family has no states, a state has no family or two, the two forms are mixed, or a
+        If a family has no states, a state has two families, the two forms are mixed, or a
         family has the name of a state of another family.
 
     Examples
@@ -52,7 +50,7 @@ def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
             f"to its states, as {{'worn': ['worn1', 'worn2']}}; got {families!r}."
         )
     family_of: dict[Any, Any] = {}
-    for state, family in _pairs(families):
+    for state, family in _states_and_families(families):
         if family_of.setdefault(state, family) != family:
             raise ValueError(
                 f"families puts the state {state!r} into {family_of[state]!r} and into {family!r}."
@@ -63,9 +61,6 @@ def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
                 f"families has a family {family!r} and a state {family!r} that belongs to "
                 f"{family_of[family]!r}: a decision for {family!r} is ambiguous. Rename one."
             )
-    missing = [label for label in plain_labels(np.asarray(classes)) if label not in family_of]
-    if missing:
-        raise ValueError(f"families must name a family for every class; missing: {missing}.")
     return family_of
 
 
@@ -111,8 +106,8 @@ def family_costs(
     *,
     other_decisions: Mapping[Any, float] | None = None,
     healthy: Any = None,
-    missed: float = 1.0,
-    false_alarm: float = 1.0,
+    missed_cost: float = 1.0,
+    false_alarm_cost: float = 1.0,
 ) -> pd.DataFrame:
     """Return costs of decisions on families, for a classifier that is trained on the states.
 
@@ -132,8 +127,8 @@ def family_costs(
     other_decisions : mapping of decision to cost, optional
         Further decisions whose cost does not depend on the true state, such as {"inspect": 0.3}.
     healthy : family, optional
-        The family to which `missed` and `false_alarm` refer.
-    missed, false_alarm : float, default=1
+        The family to which `missed_cost` and `false_alarm_cost` refer.
+    missed_cost, false_alarm_cost : float, default=1
         Cost of deciding `healthy` when another family is true (missed detection), and of the
         reverse (false alarm). Entries of a mapping `costs` take precedence.
 
@@ -149,7 +144,7 @@ def family_costs(
         If `families` is not a mapping, or a cost is not a number.
     ValueError
         If `families` is ambiguous, a family is unknown, one of `other_decisions` is a family, or
-        `missed` or `false_alarm` is given without `healthy` or together with a complete table.
+        `missed_cost` or `false_alarm_cost` is given without `healthy` or with a complete table.
 
     See Also
     --------
@@ -166,26 +161,21 @@ def family_costs(
     Examples
     --------
     >>> families = {"normal": ["normal"], "spalling": ["spalling1", "spalling2"]}
-    >>> family_costs(families, other_decisions={"inspect": 0.3}, healthy="normal", missed=10)
+    >>> family_costs(families, other_decisions={"inspect": 0.3}, healthy="normal", missed_cost=10)
               normal  spalling1  spalling2
     normal       0.0       10.0       10.0
     spalling     1.0        0.0        0.0
     inspect      0.3        0.3        0.3
     """
     family_of = family_mapping(families)
-    names, states = list(dict.fromkeys(family_of.values())), list(family_of)
-    if missed != 1 or false_alarm != 1 or healthy is not None:
-        costs = _alarm_costs(costs, names, healthy, missed, false_alarm)
+    names = list(dict.fromkeys(family_of.values()))
+    if missed_cost != 1 or false_alarm_cost != 1 or healthy is not None:
+        costs = _alarm_costs(costs, names, healthy, missed_cost, false_alarm_cost)
     with located("costs between families (the classes are the families here)"):
         decisions, matrix = cost_table(costs, label_array(names))
-    others = dict(other_decisions or {})
-    taken = [decision for decision in others if decision in decisions]
-    if taken:
-        raise ValueError(f"other_decisions contains {taken}, with costs between families already.")
-    values = [check_number(c, f"the cost of {d!r} in other_decisions") for d, c in others.items()]
     matrix = matrix[:, [names.index(family) for family in family_of.values()]]
-    matrix = np.vstack([matrix, np.repeat(np.reshape(values, (-1, 1)), len(states), axis=1)])
-    return pd.DataFrame(matrix, index=[*decisions.tolist(), *others], columns=states)
+    rows = dict(zip(decisions.tolist(), matrix.tolist(), strict=True))
+    return _cost_frame(rows, other_decisions, list(family_of))
 
 
 def set_costs(
@@ -267,59 +257,67 @@ def set_costs(
             f"opening has {len(parts)} parts, at most 10 are possible: decide each part alone, by "
             f"P(faulty) > opening / left."
         )
-    found = {
-        state: set() if state == healthy else set(state.split(" + "))
-        for state in dict.fromkeys(states)
-    }
-    for state, faulty in found.items():
+    faulty_parts = {state: set(state.split(" + ")) - {healthy} for state in states}
+    for state, faulty in faulty_parts.items():
         if not faulty <= set(parts):
             raise ValueError(f"opening must have the parts of the state {state!r}; got {parts}.")
     opens, leaves = (
         {part: check_number(value, f"the cost of {part!r} in {name}") for part, value in costs}
         for name, costs in (("opening", opening.items()), ("left", left.items()))
     )
-    sets = [chosen for n in range(len(parts) + 1) for chosen in combinations(parts, n)]
     rows = {
-        " + ".join(chosen) or healthy: [
-            sum(opens[p] for p in chosen) + sum(leaves[p] for p in faulty.difference(chosen))
-            for faulty in found.values()
+        " + ".join(opened) or healthy: [
+            sum(opens[p] for p in opened) + sum(leaves[p] for p in faulty.difference(opened))
+            for faulty in faulty_parts.values()
         ]
-        for chosen in sets
+        for n_opened in range(len(parts) + 1)
+        for opened in combinations(parts, n_opened)
     }
+    return _cost_frame(rows, other_decisions, list(faulty_parts))
+
+
+def _cost_frame(
+    rows: dict[Any, list[float]], other_decisions: Mapping[Any, float] | None, states: list[Any]
+) -> pd.DataFrame:
+    """Return costs as a table, with decisions whose cost does not depend on the true state."""
     for decision, value in (other_decisions or {}).items():
         if decision in rows:
-            raise ValueError(f"other_decisions contains {decision!r}, which is a set of parts.")
-        rows[decision] = [check_number(value, f"the cost of {decision!r}")] * len(found)
-    return pd.DataFrame.from_dict(rows, orient="index", columns=list(found), dtype=float)
+            raise ValueError(f"other_decisions contains {decision!r}, which has costs already.")
+        rows[decision] = [check_number(value, f"the cost of {decision!r} in other_decisions")]
+        rows[decision] *= len(states)
+    return pd.DataFrame(list(rows.values()), index=list(rows), columns=states, dtype=float)
 
 
-def _pairs(families: Mapping[Any, Any]) -> list[tuple[Any, Any]]:
+def _states_and_families(families: Mapping[Any, Any]) -> list[tuple[Any, Any]]:
     """Return each state and its family, from either form of families."""
-    lists = {name: np.iterable(each) and type(each) is not str for name, each in families.items()}
-    if not any(lists.values()):
+    listed = {name: np.iterable(v) and not isinstance(v, str) for name, v in families.items()}
+    if not any(listed.values()):
         return [tuple(plain_labels(pair)) for pair in families.items()]
-    for name, content in families.items():
-        if not (len(content) if lists[name] else content == name):
+    pairs = []
+    for family, states in families.items():
+        if not (len(states) if listed[family] else states == family):
             raise ValueError(
-                f"families must have a list of states for {name!r}, as others; got {content!r}."
+                f"families must have a list of states for {family!r}, as others; got {states!r}."
             )
-    listed = {name: each if lists[name] else [each] for name, each in families.items()}
-    return [(state, name) for name, each in listed.items() for state in plain_labels(each)]
+        pairs += [(s, family) for s in plain_labels(states if listed[family] else [states])]
+    return pairs
 
 
 def _alarm_costs(
-    costs: Any, families: list[Any], healthy: Any, missed: Any, false_alarm: Any
+    costs: Any, families: list[Any], healthy: Any, missed: float, false_alarm: float
 ) -> dict[Any, Any]:
     """Return costs between families that contain those of missed detections and false alarms."""
     if healthy not in families:
         raise ValueError(
-            f"missed and false_alarm need healthy, one of {families}; got healthy={healthy!r}."
+            f"missed_cost and false_alarm_cost need healthy, one of {families}; got {healthy!r}."
         )
     if not isinstance(costs, Mapping | None):
         raise ValueError(
-            "costs is a complete table: omit healthy, missed and false_alarm, or give a mapping."
+            "costs is a complete table: give a mapping, or omit healthy and the costs that need it."
         )
-    others = [family for family in families if family != healthy]
-    alarms = {(healthy, family): missed for family in others}
-    alarms |= {(family, healthy): false_alarm for family in others}
-    return alarms | dict(costs or {})
+    faults = [family for family in families if family != healthy]
+    return (
+        {(healthy, fault): missed for fault in faults}
+        | {(fault, healthy): false_alarm for fault in faults}
+        | dict(costs or {})
+    )

@@ -13,12 +13,18 @@ from sklearn.utils.validation import check_is_fitted, column_or_1d
 from emacm._checks import positive_weights
 from emacm._saved import SavedEstimator
 from emacm.decisions.costs import cost_table
-from emacm.decisions.pipelines import final_estimator
+from emacm.decisions.pipelines import (
+    RoutingMixin,
+    final_estimator,
+    unreachable_unknown_states,
+)
 from emacm.decisions.risks import Array, LeastRiskMixin, pooled_log_posterior
 from emacm.decisions.truths import check_classes, check_possible, class_priors
 
 
-class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, SavedEstimator):
+class LeastRiskClassifier(
+    LeastRiskMixin, RoutingMixin, MetaEstimatorMixin, ClassifierMixin, SavedEstimator
+):
     """Decide by least conditional risk, given the posterior probabilities of any classifier.
 
     Parameters
@@ -91,7 +97,8 @@ class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, S
         y : array-like of shape (n_recordings,)
             True class of each recording.
         **fit_params : dict
-            Further arguments of the estimator's `fit`, such as ``sample_weight``.
+            Further arguments of the estimator's `fit`, such as ``sample_weight``; with
+            scikit-learn's metadata routing ``groups``, wherever they are needed.
 
         Returns
         -------
@@ -106,6 +113,12 @@ class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, S
         """
         if isinstance(self.estimator, type) or not hasattr(self.estimator, "fit"):
             raise TypeError(f"estimator must be a classifier, got {self.estimator!r}.")
+        for hidden in unreachable_unknown_states(self.estimator)[:1]:
+            raise ValueError(
+                f"{type(final_estimator(self.estimator)).__name__} loses the unknown state "
+                f"{hidden.unknown!r} of {type(hidden).__name__}. Set unknown=None, or give that "
+                f'classifier itself as estimator (temperature="groups" calibrates it).'
+            )
         if y is None:
             raise ValueError("fit requires y to be passed, but the target y is None.")
         check_classes(y)
@@ -119,7 +132,7 @@ class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, S
         weight = positive_weights(weights[-1] if weights else None, len(y))
         counts = np.bincount(codes, weight).astype(np.float64)
         class_priors(self.priors, classes, counts)
-        fitted = clone(self.estimator).fit(X, y, **fit_params)
+        fitted = clone(self.estimator).fit(X, y, **self._routed(fit_params))
         if not hasattr(fitted, "predict_proba"):
             raise TypeError(
                 f"{type(fitted).__name__} has no predict_proba, and so no posterior. "

@@ -57,18 +57,6 @@ def correct_decisions(decisions: ArrayLike, classes: ArrayLike, cost: ArrayLike)
     return correct | {label: (label,) for label in rows}
 
 
-def correct_families(family_of: Mapping[Any, Any]) -> Correct:
-    """Return the correct decision for each state and family: the family of the state.
-
-    Examples
-    --------
-    >>> correct_families({"worn1": "worn"})
-    {'worn1': ('worn',), 'worn': ('worn',)}
-    """
-    families = {family: (family,) for family in family_of.values()}
-    return {state: (family,) for state, family in family_of.items()} | families
-
-
 def are_correct(
     y_true: Sequence[Any], y_pred: Sequence[Any], correct: Mapping[Any, Sequence[Any]]
 ) -> NDArray[np.bool_]:
@@ -81,8 +69,7 @@ def are_correct(
         decision that is correct for this class, so a classifier of states may be compared by
         families.
     correct : mapping
-        Of `correct_decisions` or `correct_families`. A label that it does not contain is
-        correct for itself only.
+        Of `correct_decisions`. A label that it does not contain is correct for itself only.
 
     Returns
     -------

@@ -7,12 +7,36 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sklearn import get_config
 from sklearn.base import BaseEstimator
 from sklearn.pipeline import Pipeline
+from sklearn.utils import metadata_routing
 from sklearn.utils.validation import has_fit_parameter
 
 from emacm.recordings.meta import chosen_rows
 from emacm.resampling.order_resampler import OrderResampler
+
+
+class RoutingMixin:
+    """Arguments of `fit` for a classifier that fits another one, its `estimator`.
+
+    With scikit-learn's metadata routing, arguments go to those who request them, as `groups` to
+    `BinTransformer` and `CostSensitiveGaussianBayes`; otherwise all go to `estimator`.
+    """
+
+    estimator: Any
+
+    def get_metadata_routing(self):
+        """Return which arguments of `fit` are passed on, as for any meta-estimator."""
+        router = metadata_routing.MetadataRouter(owner=type(self).__name__).add_self_request(self)
+        fit = metadata_routing.MethodMapping().add(caller="fit", callee="fit")
+        return router.add(estimator=self.estimator, method_mapping=fit)
+
+    def _routed(self, fit_params: dict[str, Any]) -> dict[str, Any]:
+        """Return the arguments of `fit` of `estimator`."""
+        if not get_config()["enable_metadata_routing"]:
+            return fit_params
+        return metadata_routing.process_routing(self, "fit", **fit_params)["estimator"]["fit"]
 
 
 def parameters_of_rows(
@@ -73,12 +97,13 @@ def before_the_last_step(estimator: Any, X: Any) -> tuple[Any, Any]:
     inner = search_estimator(estimator)
     if not hasattr(inner, "steps"):
         return inner, X
-    table = inner[:-1].transform(X) if len(inner) > 1 else X
-    return before_the_last_step(inner.steps[-1][1], table)
+    return before_the_last_step(inner[-1], inner[:-1].transform(X) if len(inner) > 1 else X)
 
 
 def groups_options(estimator: Any, groups: Any) -> dict[str, Any]:
     """Return the arguments of `fit` that pass groups to all that learn from left-out groups.
+
+    With scikit-learn's metadata routing this is `groups`, wherever they are needed.
 
     Parameters
     ----------
@@ -100,7 +125,13 @@ def groups_options(estimator: Any, groups: Any) -> dict[str, Any]:
     >>> sorted(groups_options(model, ["unit 1", "unit 2"]))
     ['bintransformer__groups', 'costsensitivegaussianbayes__groups']
     """
-    return {} if groups is None else dict.fromkeys(_groups_parameters(estimator), groups)
+    if groups is None:
+        return {}
+    if get_config()["enable_metadata_routing"]:
+        names = metadata_routing.get_routing_for_object(estimator).consumes("fit", ["groups"])
+    else:
+        names = _groups_parameters(estimator)
+    return dict.fromkeys(names, groups)
 
 
 def uses_groups(estimator: Any) -> bool:
@@ -171,6 +202,28 @@ def parts_of(model: Any) -> Iterator[Any]:
             yield from walk(inner)
 
     yield from walk(model)
+
+
+def unreachable_unknown_states(model: Any) -> list[Any]:
+    """Return the classifiers with an unknown state that another estimator hides.
+
+    Pipelines, searches and the estimators of emacm carry an unknown state; estimators of
+    scikit-learn that combine or calibrate classifiers use their probabilities of classes only.
+
+    Examples
+    --------
+    >>> from sklearn.calibration import CalibratedClassifierCV
+    >>> from emacm import CostSensitiveGaussianBayes
+    >>> classifier = CostSensitiveGaussianBayes(unknown="unknown")
+    >>> unreachable_unknown_states(classifier)
+    []
+    >>> unreachable_unknown_states(CalibratedClassifierCV(classifier))
+    [CostSensitiveGaussianBayes(unknown='unknown')]
+    """
+    final = final_estimator(model)
+    if hasattr(final, "unknown_proba"):
+        return []
+    return [part for part in parts_of(final) if getattr(part, "unknown", None) is not None]
 
 
 def fitted_resamplers(model: Any) -> list[OrderResampler]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from sklearn.base import ClassifierMixin
@@ -81,6 +81,8 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
     >>> product.set_params(cost={("healthy", "worn"): 100}).predict(X[[2, 3]])
     array(['worn', 'worn'], dtype='<U7')
     """
+
+    __metadata_request__fit: ClassVar = {"groups": True}  # where metadata routing is enabled
 
     def __init__(self, estimators: Any, cost: Any = None, *, priors: Any = None):
         self.estimators = estimators

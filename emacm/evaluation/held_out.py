@@ -20,7 +20,7 @@ from sklearn.model_selection import (
 )
 
 from emacm._checks import located
-from emacm.conditions.present_costs import narrowed
+from emacm.decisions.costs import narrowed
 from emacm.decisions.pipelines import before_the_last_step, groups_are_units, groups_options
 from emacm.decisions.truths import check_distinct
 from emacm.recordings.inputs import run

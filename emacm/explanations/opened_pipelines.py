@@ -21,7 +21,6 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_finite_table, check_real_array
 from emacm.conditions.healthy import are_recordings
-from emacm.conditions.present_costs import with_present_costs
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import search_estimator
@@ -189,7 +188,7 @@ class OpenedPipeline:
                 "ConditionRouter. Explain those of one condition at a time."
             )
         inner = cls.of(models[0], router.inner(X))
-        priced = with_present_costs(inner.classifier, models[0], router.estimator, router.classes_)
+        priced = router.with_present_costs(inner.classifier)
         return replace(inner, classifier=priced, router=router)
 
     def table(self, X: Any) -> tuple[Array, pd.DataFrame, Array]:

@@ -20,7 +20,6 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._statements import Statement
-from emacm.conditions.present_costs import with_present_costs
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import (
     before_the_last_step,
@@ -325,7 +324,7 @@ def opened_classifier(model: Any, X: list[Any]) -> tuple[Any, Any]:
     if any(other is not own for other in others):
         raise ValueError("the recordings are of several conditions.")
     inner, features = opened_classifier(own, table)
-    return with_present_costs(inner, own, final.estimator, final.classes_), features
+    return final.with_present_costs(inner), features
 
 
 def _reasons(model: Any, recording: Recording, known: str, *otherwise: str) -> str:

@@ -65,7 +65,7 @@ def test_the_axis_of_order_tables_survives(fleet):
     assert table.columns[:2] == ("current@0", "current@0.25")
     psd = inner.fit_transform(X)
     loads = np.array([recording.meta["load"] for recording in X])
-    healthy = np.asarray(psd)[(y == "normal") & (loads == 40)].mean(axis=0)
+    healthy = np.asarray(psd)[(y == "healthy") & (loads == 40)].mean(axis=0)
     np.testing.assert_allclose(table[loads == 40], np.asarray(psd)[loads == 40] - healthy)
 
 
@@ -90,7 +90,7 @@ def test_frames_keep_names_and_index(fleet):
 
 def test_commissioning_serves_features_too():
     further = [constant(60), constant(60, extra=0.2)]
-    model = FeatureBaseline(Levels(), baseline_recordings=further).fit([constant(20)], ["normal"])
+    model = FeatureBaseline(Levels(), baseline_recordings=further).fit([constant(20)], ["healthy"])
     left = model.transform([constant(60, extra=0.1)])
     assert left["size"][0] == pytest.approx(0)
 
@@ -98,15 +98,15 @@ def test_commissioning_serves_features_too():
 def test_a_transformer_must_make_a_finite_table():
     one_dimensional = FunctionTransformer(lambda X: [1.0 for _ in X])
     with pytest.raises(ValueError, match="must have two dimensions"):
-        FeatureBaseline(one_dimensional).fit([constant(20)], ["normal"])
+        FeatureBaseline(one_dimensional).fit([constant(20)], ["healthy"])
     not_finite = FunctionTransformer(lambda X: [[np.nan] for _ in X])
     with pytest.raises(ValueError, match="X must be finite, got NaN in recording 0"):
-        FeatureBaseline(not_finite).fit([constant(20)], ["normal"])
+        FeatureBaseline(not_finite).fit([constant(20)], ["healthy"])
 
 
 def test_each_condition_has_its_own_mean():
     runs = [constant(40, extra=0.3), constant(20), constant(40, extra=0.5), constant(20, extra=1)]
-    model = FeatureBaseline(Levels(frame=False)).fit(runs, ["normal"] * 3 + ["worn"])
+    model = FeatureBaseline(Levels(frame=False)).fit(runs, ["healthy"] * 3 + ["worn"])
     assert model.conditions_ == (20, 40)
     assert model.means_[20][1] == pytest.approx(3)
     assert model.means_[40][1] == pytest.approx(4.4)
@@ -139,14 +139,14 @@ def test_a_baseline_of_another_sampling_rate_is_refused():
     )
     match = r"recording 0 \(load=1\): channel 'casing' is sampled at 12000 Hz, .* at 48000 Hz"
     with pytest.raises(ValueError, match=match):
-        baseline.fit(slow, ["normal"] * 2)
+        baseline.fit(slow, ["healthy"] * 2)
     further = [*slow[1:], run(12_000, load=3)]
-    fitted = baseline.set_params(baseline_recordings=further).fit(slow, ["normal"] * 2)
+    fitted = baseline.set_params(baseline_recordings=further).fit(slow, ["healthy"] * 2)
     with pytest.raises(ValueError, match=r"recording 1 .* is sampled at 9000 Hz"):
         fitted.transform([slow[0], run(9_000, load=1)])
-    mixed = baseline.set_params(healthy="normal")  # beside others in X
+    mixed = baseline.set_params(healthy="healthy")  # beside others in X
     with pytest.raises(ValueError, match=r"baseline_recordings: recording 0 .* at 48000 Hz, but"):
-        mixed.set_params(baseline_recordings=[run(48_000, load=1)]).fit(slow, ["normal"] * 2)
+        mixed.set_params(baseline_recordings=[run(48_000, load=1)]).fit(slow, ["healthy"] * 2)
 
 
 def test_a_shift_far_larger_than_the_scatter_warns():
@@ -160,6 +160,4 @@ def test_a_shift_far_larger_than_the_scatter_warns():
         "condition 20",
         "condition 40",
     ]
-    baseline.set_params(baseline_recordings=runs[:2]).fit(
-        runs, ["worn"] * 10
-    )  # measured alike: no warning
+    baseline.set_params(baseline_recordings=runs[:2]).fit(runs, ["worn"] * 10)  # alike: no warning

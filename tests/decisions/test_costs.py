@@ -3,15 +3,16 @@
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.calibration import CalibratedClassifierCV
 from sklearn.dummy import DummyClassifier
 from sklearn.ensemble import VotingClassifier
 from sklearn.metrics import confusion_matrix
+from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from emacm import CostSensitiveGaussianBayes, PosteriorProduct
-from emacm.conditions.present_costs import narrowed
-from emacm.decisions.costs import cost_of_some, cost_table, stated_costs
+from emacm import ConditionRouter, CostSensitiveGaussianBayes, PosteriorProduct
+from emacm.decisions.costs import cost_table, narrowed, stated_costs
 from emacm.decisions.metrics import expected_cost
 
 CLASSES = ["ball", "healthy", "screw"]
@@ -131,29 +132,6 @@ def test_labels_and_weights_that_do_not_fit_are_refused(truth, decision, options
 # Costs of estimators
 
 
-@pytest.mark.parametrize(
-    ("cost", "expected"),
-    [
-        (None, None),
-        (MATRIX, MATRIX[np.ix_([0, 2], [0, 2])]),
-        (np.arange(16).reshape(4, 4), [[0, 2, 3], [8, 10, 11], [12, 14, 15]]),  # unknown: the last
-        (np.ones((2, 3)), np.ones((2, 3))),
-        (np.ones((5, 5)), np.ones((5, 5))),
-        (
-            {("ball", "healthy"): 1, ("healthy", "ball"): 2, ("screw", "ball"): 3},
-            {("screw", "ball"): 3},
-        ),
-    ],
-)
-def test_a_cost_is_narrowed_to_the_classes_that_occur(cost, expected):
-    found = cost_of_some(cost, ["screw", "ball"], CLASSES)
-    if isinstance(expected, dict | None):
-        assert found == expected
-    else:
-        np.testing.assert_array_equal(found, expected)
-    assert cost_of_some(cost, CLASSES, CLASSES) is cost
-
-
 def member(cost=None, **options):
     return CostSensitiveGaussianBayes(cost, **options)
 
@@ -161,28 +139,37 @@ def member(cost=None, **options):
 OTHER = {("ball", "screw"): 2}
 
 
-def test_all_costs_of_an_estimator_are_narrowed():
-    cost = {("ball", "screw"): 2, ("ball", "healthy"): 3}
-    product = PosteriorProduct([("a", member(cost)), ("b", member())], cost=MATRIX)
+@pytest.mark.parametrize(
+    ("cost", "expected"),
+    [
+        (None, None),
+        (MATRIX, [[0, 2], [1, 0]]),
+        (np.arange(16).reshape(4, 4), [[0, 2, 3], [8, 10, 11], [12, 14, 15]]),  # unknown: the last
+        (np.ones((2, 3)), np.ones((2, 3))),
+        ({("ball", "healthy"): 1, ("healthy", "ball"): 2} | OTHER, OTHER),
+    ],
+)
+def test_costs_are_narrowed_to_the_classes_that_occur_at_any_depth(cost, expected):
+    product = PosteriorProduct([("a", member(cost)), ("b", DummyClassifier())], cost=cost)
     assert narrowed(product, np.array(["ball", "screw"]), np.array(CLASSES)) is product
-    assert product.estimators[0][1].cost == OTHER
-    assert product.estimators[1][1].cost is None
-    assert product.cost.tolist() == [[0, 2], [1, 0]]
-    plain = DummyClassifier()
-    assert narrowed(plain, np.array(["ball"]), np.array(CLASSES)) is plain
+    for found in (product.cost, product.estimators[0][1].cost):
+        if isinstance(expected, dict | None):
+            assert found == expected
+        else:
+            np.testing.assert_array_equal(found, expected)
+    assert narrowed(member(cost), CLASSES, CLASSES).cost is cost
 
 
-def test_the_outer_cost_decides_and_several_beside_one_another_must_agree():
+def test_the_cost_that_decides_is_that_of_the_last_step():
     inner = member(OTHER, unknown="odd", priors="uniform")
+    stated = {"cost": OTHER, "unknown": "odd", "priors": "uniform"}
+    chain = make_pipeline(StandardScaler(), inner)
+    for estimator in (inner, chain, GridSearchCV(chain, {}), ConditionRouter(chain, "load")):
+        assert stated_costs(estimator) == stated
     assert stated_costs(PosteriorProduct([("a", inner)], cost=MATRIX))["cost"] is MATRIX
     nothing = {"cost": None, "unknown": None, "priors": None}
-    assert stated_costs(PosteriorProduct([("a", inner)])) == nothing
-    every = {"cost": OTHER, "unknown": "odd", "priors": "uniform"}
-    assert stated_costs(make_pipeline(StandardScaler(), inner)) == every
-    assert stated_costs(DummyClassifier()) == stated_costs(object()) == nothing
-    pair = [("a", inner), ("b", member(dict(OTHER)))]
-    assert stated_costs(VotingClassifier(pair)) == every
-    pair[1] = ("b", member(dict(OTHER), unknown="new"))
-    assert stated_costs(VotingClassifier(pair)) == every | {"unknown": None}
-    with pytest.raises(ValueError, match="several costs that differ"):
-        stated_costs(VotingClassifier([("a", inner), ("b", member(MATRIX))]))
+    for estimator in (PosteriorProduct([("a", inner)]), VotingClassifier([("a", member())])):
+        assert stated_costs(estimator) == nothing
+    for estimator in (VotingClassifier([("a", inner)]), CalibratedClassifierCV(inner)):
+        with pytest.raises(ValueError, match=r"no effect on decisions of .*LeastRiskClassifier"):
+            stated_costs(make_pipeline(StandardScaler(), estimator))

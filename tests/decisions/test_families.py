@@ -71,12 +71,12 @@ def test_the_cost_of_another_decision_does_not_depend_on_the_true_state():
 
 
 def test_missed_faults_and_false_alarms_refer_to_the_healthy_family():
-    frame = family_costs(FAMILIES, healthy="normal", missed=10, false_alarm=2)
+    frame = family_costs(FAMILIES, healthy="normal", missed_cost=10, false_alarm_cost=2)
     np.testing.assert_array_equal(frame, [[0, 10, 10, 10], [2, 0, 0, 1], [2, 1, 1, 0]])
 
 
 def test_a_single_cost_takes_precedence_over_that_of_all_missed_detections():
-    frame = family_costs(FAMILIES, {("normal", "backlash"): 50}, healthy="normal", missed=10)
+    frame = family_costs(FAMILIES, {("normal", "backlash"): 50}, healthy="normal", missed_cost=10)
     assert frame.loc["normal"].tolist() == [0, 10, 10, 50]
 
 
@@ -94,13 +94,6 @@ def test_training_on_states_beats_training_on_families_that_are_not_gaussian(sta
     directly = CostSensitiveGaussianBayes(covariance="tied").fit(X, families)
     assert balanced_accuracy_score(families, by_states.predict(X)) > 0.95
     assert balanced_accuracy_score(families, directly.predict(X)) < 0.75
-
-
-def test_inspection_is_chosen_where_families_are_in_doubt(states):
-    X, y = states
-    cost = family_costs(FAMILIES, other_decisions={"inspect": 0.2})
-    model = CostSensitiveGaussianBayes(cost, covariance="tied").fit(X, y)
-    assert model.predict([[2.0], [4.0]]).tolist() == ["inspect", "normal"]
 
 
 def test_labels_of_families_keep_their_kind():
@@ -124,11 +117,6 @@ def test_families_of_one_state_each_are_read_as_the_family_of_each_state():
     assert frame.loc["ok", "screw"] == 7
 
 
-def test_a_class_without_a_family_is_named():
-    with pytest.raises(ValueError, match=r"a family for every class; missing: \['backlash1'\]"):
-        family_mapping({"normal": ["normal"], "worn": ["spalling1", "spalling2"]}, STATES)
-
-
 @pytest.mark.parametrize(
     ("families", "options", "error", "message"),
     [
@@ -144,10 +132,10 @@ def test_a_class_without_a_family_is_named():
             "costs between families .*'wear'",
         ),
         (FAMILIES, {"costs": {("stop", "normal"): 1}}, ValueError, "a cost for every class"),
-        (FAMILIES, {"other_decisions": {"normal": 1}}, ValueError, r"contains \['normal'\]"),
+        (FAMILIES, {"other_decisions": {"normal": 1}}, ValueError, "contains 'normal'"),
         (FAMILIES, {"other_decisions": {"inspect": "x"}}, TypeError, "cost of 'inspect'"),
-        (FAMILIES, {"missed": 10}, ValueError, "need healthy, one of"),
-        (FAMILIES, {"healthy": "normal", "missed": "x"}, TypeError, "must be a number"),
+        (FAMILIES, {"missed_cost": 10}, ValueError, "need healthy, one of"),
+        (FAMILIES, {"healthy": "normal", "missed_cost": "x"}, TypeError, "must be a number"),
         (FAMILIES, {"healthy": "normal", "costs": np.eye(3)}, ValueError, "a complete table"),
     ],
 )
@@ -191,7 +179,7 @@ def test_sets_are_decided_by_a_classifier_of_sets():
         ({"left": {"screw": 1}}, "same parts"),
         ({"states": ["screw", "gear"]}, "'gear'"),
         ({"opening": {"screw": "a lot"}, "left": {"screw": 1}, "states": ["screw"]}, "'screw'"),
-        ({"other_decisions": {"screw": 1}}, "set of parts"),
+        ({"other_decisions": {"screw": 1}}, "'screw', which has costs"),
         ({"opening": dict.fromkeys(range(11), 1), "left": dict.fromkeys(range(11), 1)}, "alone"),
     ],
 )

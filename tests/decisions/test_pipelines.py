@@ -1,18 +1,22 @@
 """Facts about the last step of pipelines and searches."""
 
 import numpy as np
+import pandas as pd
 import pytest
-from sklearn.model_selection import GridSearchCV, RandomizedSearchCV
+import sklearn
+from sklearn.base import clone
+from sklearn.model_selection import GridSearchCV, GroupKFold, RandomizedSearchCV
 from sklearn.naive_bayes import GaussianNB
-from sklearn.neighbors import KNeighborsClassifier
-from sklearn.pipeline import make_pipeline
+from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from emacm import (
     BinTransformer,
+    ConditionRouter,
     CostSensitiveGaussianBayes,
     LeastRiskClassifier,
     NewUnitClassifier,
+    PosteriorProduct,
 )
 from emacm.decisions.pipelines import (
     before_the_last_step,
@@ -35,24 +39,6 @@ def test_the_input_of_the_last_step_is_transformed_by_all_others():
     np.testing.assert_array_equal(final.predict(table), model.predict(X))
 
 
-def test_groups_are_passed_to_all_steps_that_leave_them_out():
-    classifier = CostSensitiveGaussianBayes(temperature="groups")
-    bins = make_pipeline(BinTransformer(), StandardScaler())
-    both = {"pipeline__bintransformer", "costsensitivegaussianbayes"}
-    inside = LeastRiskClassifier(make_pipeline(bins, GaussianNB()))
-    for model, names in (
-        (classifier, {"groups"}),
-        (CostSensitiveGaussianBayes(), set()),
-        (make_pipeline(bins, classifier), both),
-        (GridSearchCV(make_pipeline(bins, GaussianNB()), {}), {"pipeline__bintransformer"}),
-        (inside, {"pipeline__bintransformer"}),
-    ):
-        found = groups_options(model, ["a", "b"])
-        assert {name.removesuffix("__groups") for name in found} == names
-        assert all(groups == ["a", "b"] for groups in found.values())
-        assert groups_options(model, None) == {}
-
-
 def in_pipeline(classifier):
     return make_pipeline(StandardScaler(), classifier)
 
@@ -67,15 +53,21 @@ def in_pipeline(classifier):
         ({"temperature": 2.0}, False),
     ],
 )
-def test_groups_reach_a_classifier_that_leaves_them_out_under_the_name_of_its_step(options, needed):
-    model = CostSensitiveGaussianBayes(**options)
-    nested = make_pipeline(make_pipeline(StandardScaler(), model))
-    search = GridSearchCV(in_pipeline(model), {})
-    names = "groups", "costsensitivegaussianbayes__groups"
-    expected = [names[0], names[1], f"pipeline__{names[1]}", names[1]]
-    for each, name in zip((model, in_pipeline(model), nested, search), expected, strict=True):
-        assert groups_options(each, ["a", "b"]) == ({name: ["a", "b"]} if needed else {})
-    assert not any(groups_are_units(each) for each in (model, nested, search))
+def test_groups_are_passed_to_all_steps_that_leave_them_out_by_their_names(options, needed):
+    classifier, step = CostSensitiveGaussianBayes(**options), "costsensitivegaussianbayes__groups"
+    bins = {"pipeline__bintransformer__groups"}
+    with_bins = make_pipeline(make_pipeline(BinTransformer(), StandardScaler()), classifier)
+    for model, names, always in (
+        (classifier, {"groups"}, set()),
+        (make_pipeline(in_pipeline(classifier)), {f"pipeline__{step}"}, set()),
+        (GridSearchCV(in_pipeline(classifier), {}), {step}, set()),
+        (with_bins, {step}, bins),
+        (LeastRiskClassifier(with_bins), {step}, bins),
+    ):
+        names = names | always if needed else always
+        assert groups_options(model, ["a", "b"]) == {name: ["a", "b"] for name in names}
+        assert groups_options(model, None) == {}
+        assert not groups_are_units(model)
 
 
 def test_units_are_the_groups_of_a_classifier_for_new_units_wherever_it_is():
@@ -90,11 +82,67 @@ def test_units_are_the_groups_of_a_classifier_for_new_units_wherever_it_is():
         assert groups_options(each, ["a", "b"]) == {}
 
 
+# Groups are given once
+
+
+GROUPS, STATES = np.arange(60) % 10, np.repeat(["new", "worn"], 30)
+SPECTRA = pd.DataFrame(
+    np.random.default_rng(0).gamma(5, size=(60, 49)) + 2 * (STATES == "worn")[:, np.newaxis],
+    columns=[f"a@{number / 4}" for number in range(49)],
+)
+CLASSIFIERS = [
+    CostSensitiveGaussianBayes(covariance="tied", unknown="odd"),
+    NewUnitClassifier(unknown="odd"),
+]
+WRAPPERS = {  # and the pipeline in a fitted one
+    "pipeline": (lambda chain: chain, lambda model: model),
+    "least risk": (LeastRiskClassifier, lambda model: model.estimator_),
+    "product": (
+        lambda chain: PosteriorProduct([("one", chain), ("two", GaussianNB())], priors="uniform"),
+        lambda model: model.estimators_[0],
+    ),
+    "router": (lambda chain: ConditionRouter(chain, "load"), lambda model: model.estimators_[20]),
+}
+
+
+def bins_and(classifier):
+    """A pipeline, and what it has learned with groups at each step: line limits, typicality."""
+    chain = make_pipeline(FeatureUnion([("bins", BinTransformer(2, max_order=12))]), classifier)
+    bins = BinTransformer(2, max_order=12).fit(SPECTRA, groups=GROUPS)
+    table = bins.transform(SPECTRA)
+    fitted = clone(classifier).fit(table, STATES, groups=GROUPS)
+    return chain, bins.new_line_limits_, fitted.typicality(table)
+
+
+@pytest.mark.parametrize("classifier", CLASSIFIERS)
+@pytest.mark.parametrize("kind", WRAPPERS)
+def test_with_metadata_routing_a_search_takes_groups_once(classifier, kind):
+    chain, limits, typicality = bins_and(classifier)
+    wrap, unwrap = WRAPPERS[kind]
+    X = SPECTRA.assign(load=20) if kind == "router" else SPECTRA
+    with sklearn.config_context(enable_metadata_routing=True):
+        assert groups_options(wrap(chain), GROUPS).keys() == {"groups"}
+        search = GridSearchCV(wrap(chain), {}, cv=GroupKFold(2), error_score="raise")
+        found = unwrap(search.fit(X, STATES, groups=GROUPS).best_estimator_)
+    np.testing.assert_array_equal(found[0]["bins"].new_line_limits_, limits)
+    np.testing.assert_array_equal(found[-1].typicality(found[:-1].transform(SPECTRA)), typicality)
+
+
+def test_without_metadata_routing_each_step_takes_groups_by_its_name():
+    _, limits, typicality = bins_and(CLASSIFIERS[0])
+    chain = make_pipeline(BinTransformer(2, max_order=12), CLASSIFIERS[0])
+    search = GridSearchCV(chain, {}, cv=GroupKFold(2), error_score="raise")
+    search.fit(SPECTRA, STATES, groups=GROUPS, **groups_options(chain, GROUPS))
+    found = search.best_estimator_
+    np.testing.assert_array_equal(found[0].new_line_limits_, limits)
+    np.testing.assert_array_equal(found[-1].typicality(found[:-1].transform(SPECTRA)), typicality)
+
+
 def test_a_search_stands_for_its_best_estimator_once_it_is_fitted():
     search = GridSearchCV(GaussianNB(), {"var_smoothing": [0.5]}, cv=2)
     assert search_estimator(search) is search.estimator
     assert search_estimator(search.fit(X, Y)).var_smoothing == 0.5
-    random = RandomizedSearchCV(KNeighborsClassifier(), {"n_neighbors": [1]}, n_iter=1)
+    random = RandomizedSearchCV(GaussianNB(), {"var_smoothing": [1]}, n_iter=1)
     assert search_estimator(random) is random.estimator
     assert search_estimator(LeastRiskClassifier(GaussianNB())).estimator is not None
     plain = GaussianNB()

@@ -358,11 +358,11 @@ def test_an_error_of_the_estimator_names_the_fold():
         evaluate(GaussianNB(), X, y, runs=runs)
 
 
-def test_several_costs_that_differ_are_refused():
+def test_costs_that_have_no_effect_are_refused():
     X, y, _ = sub_states()
     first, second = (CostSensitiveGaussianBayes(k * (1 - np.eye(4))) for k in (1, 2))
     both = VotingClassifier([("first", first), ("second", second)])
-    with pytest.raises(ValueError, match="several costs that differ"):
+    with pytest.raises(ValueError, match="no effect on decisions of VotingClassifier"):
         evaluate(both, X, y)
 
 

@@ -91,10 +91,11 @@ MODELS = {
     "unknown": make_pipeline(*SPECTRA, bayes(unknown="unknown", temperature="groups")),
     "router": ConditionRouter(make_pipeline(*SPECTRA, BAYES), ("load", "unit")),
     "signal baseline": make_pipeline(
-        ANGLES, SignalBaseline(condition="load", baseline_recordings=X[:2]), *SPECTRA[1:], BAYES
+        ANGLES, SignalBaseline(healthy="normal", baseline_recordings=X[:2]), *SPECTRA[1:], BAYES
     ),
     "feature baseline": make_pipeline(
-        FeatureBaseline(make_pipeline(*SPECTRA), condition=("unit", "load")), BAYES
+        FeatureBaseline(make_pipeline(*SPECTRA), condition=("unit", "load"), healthy="normal"),
+        BAYES,
     ),
     "recipe": actuator_recipe(max_order=4, cost=COSTS["mapping"]),
     "envelope": make_pipeline(EnvelopeDetector((50, 100), channels=["vib"]), *SPECTRA, BAYES),
