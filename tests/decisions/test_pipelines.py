@@ -111,7 +111,7 @@ def bins_and(classifier):
     bins = BinTransformer(2, max_order=12).fit(SPECTRA, groups=GROUPS)
     table = bins.transform(SPECTRA)
     fitted = clone(classifier).fit(table, STATES, groups=GROUPS)
-    return chain, bins.new_line_limits_, fitted.typicality(table)
+    return chain, bins.known_lines_.limits, fitted.typicality(table)
 
 
 @pytest.mark.parametrize("classifier", CLASSIFIERS)
@@ -124,7 +124,7 @@ def test_with_metadata_routing_a_search_takes_groups_once(classifier, kind):
         assert groups_options(wrap(chain), GROUPS).keys() == {"groups"}
         search = GridSearchCV(wrap(chain), {}, cv=GroupKFold(2), error_score="raise")
         found = unwrap(search.fit(X, STATES, groups=GROUPS).best_estimator_)
-    np.testing.assert_array_equal(found[0]["bins"].new_line_limits_, limits)
+    np.testing.assert_array_equal(found[0]["bins"].known_lines_.limits, limits)
     np.testing.assert_array_equal(found[-1].typicality(found[:-1].transform(SPECTRA)), typicality)
 
 
@@ -134,7 +134,7 @@ def test_without_metadata_routing_each_step_takes_groups_by_its_name():
     search = GridSearchCV(chain, {}, cv=GroupKFold(2), error_score="raise")
     search.fit(SPECTRA, STATES, groups=GROUPS, **groups_options(chain, GROUPS))
     found = search.best_estimator_
-    np.testing.assert_array_equal(found[0].new_line_limits_, limits)
+    np.testing.assert_array_equal(found[0].known_lines_.limits, limits)
     np.testing.assert_array_equal(found[-1].typicality(found[:-1].transform(SPECTRA)), typicality)
 
 
