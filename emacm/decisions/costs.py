@@ -50,9 +50,12 @@ def cost_table(
         The possible true classes, each once.
     unknown : label, default=None
         Label of the unknown state, one more decision and true state; None: there is none. What
-        `cost` does not state of it: deciding "unknown" costs 0 if that is true and 1 otherwise; if
-        the true state is unknown, deciding a class, or any decision that is the cheapest for
-        some class, costs 1, and any other ("inspect") its largest cost for a class.
+        `cost` does not state of it: if the true state is unknown, deciding a class, or any decision
+        that is the cheapest for some class, costs 1, and any other ("inspect") its largest cost
+        for a class. Deciding "unknown" costs under each true state what "inspect" costs there,
+        because an unknown state has to be looked at (of several such decisions, the one that costs
+        least if the true state is unknown, and less than any class). Without such a decision it
+        costs 0 if it is true and 1 otherwise.
 
     Returns
     -------
@@ -84,7 +87,7 @@ def cost_table(
     >>> matrix
     array([[ 0. , 10. ,  1. ],
            [ 1. ,  0. ,  1. ],
-           [ 1. ,  1. ,  0. ],
+           [ 0.5,  0.4,  0.5],
            [ 0.5,  0.4,  0.5]])
     """
     labels = np.asarray(classes)
@@ -99,25 +102,33 @@ def cost_table(
         name = f"the cost of deciding {decision!r} when {truth!r} is true"
         matrix[i, k] = check_number(stated.get((decision, truth), float(decision != truth)), name)
     if unknown is not None:
-        of_classes = matrix[np.array(rows, object) != unknown, :-1]
+        others = np.array([row != unknown for row in rows])
+        of_classes = matrix[others, :-1]
         least = of_classes[of_classes > 0].min(initial=np.inf)
         if 1 < least < np.inf and not any(unknown in pair for pair in stated):
             raise ValueError(
                 f"cost must state a row and a column of the unknown state {unknown!r}: their "
                 f"default 1 is below all other costs, of which the smallest is {least:g}."
             )
+        names_states = (matrix[:, :-1] == of_classes.min(axis=0)).any(axis=1)
+        names_states |= [decision in truths for decision in rows]
         for row, decision in enumerate(rows):
             if decision not in truths and (decision, unknown) not in stated:
-                cheapest = (matrix[row, :-1] == of_classes.min(axis=0)).any()
-                matrix[row, -1] = 1.0 if cheapest else matrix[row, :-1].max()
+                matrix[row, -1] = 1.0 if names_states[row] else matrix[row, :-1].max()
+        keys = zip(~others, matrix[:, -1], ~names_states, strict=True)
+        cheapest = min(enumerate(keys), key=lambda pair: pair[1])[0]
+        if not names_states[cheapest]:  # an inspection
+            is_default = [(unknown, truth) not in stated for truth in truths]
+            matrix[rows.index(unknown), is_default] = matrix[cheapest, is_default]
     return label_array(rows, every), matrix
 
 
 def stated_costs(estimator: Any) -> dict[str, Any]:
     """Return the cost by which an estimator decides, its unknown state and its priors.
 
-    They are found among its parameters. Those of an estimator inside another one that has a cost (a
-    member of a `PosteriorProduct`, for example) do not count: the outer one decides.
+    They are found among its parameters. Costs and priors of an estimator inside another one that
+    has a cost (a member of a `PosteriorProduct`, for example) do not count: the outer one decides,
+    on the unknown state of those inside.
 
     Returns
     -------
@@ -142,7 +153,8 @@ def stated_costs(estimator: Any) -> dict[str, Any]:
     outer = [o for o in owners if not any(o != other and o.startswith(other) for other in owners)]
     stated = {}
     for name in ("cost", "unknown", "priors"):
-        values = [given[owner + name] for owner in outer if given.get(owner + name) is not None]
+        asked = owners if name == "unknown" else outer
+        values = [given[owner + name] for owner in asked if given.get(owner + name) is not None]
         distinct = {joblib.hash(value): value for value in values}
         if name == "cost" and len(distinct) > 1:
             raise ValueError(

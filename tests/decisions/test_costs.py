@@ -175,10 +175,11 @@ def test_all_costs_of_an_estimator_are_narrowed():
 def test_the_outer_cost_decides_and_several_beside_one_another_must_agree():
     inner = member(OTHER, unknown="odd", priors="uniform")
     assert stated_costs(PosteriorProduct([("a", inner)], cost=MATRIX))["cost"] is MATRIX
-    nothing = {"cost": None, "unknown": None, "priors": None}
-    assert stated_costs(PosteriorProduct([("a", inner)])) == nothing
+    of_product = {"cost": None, "unknown": "odd", "priors": None}
+    assert stated_costs(PosteriorProduct([("a", inner)])) == of_product
     every = {"cost": OTHER, "unknown": "odd", "priors": "uniform"}
     assert stated_costs(make_pipeline(StandardScaler(), inner)) == every
+    nothing = dict.fromkeys(every)
     assert stated_costs(DummyClassifier()) == stated_costs(object()) == nothing
     pair = [("a", inner), ("b", member(dict(OTHER)))]
     assert stated_costs(VotingClassifier(pair)) == every
