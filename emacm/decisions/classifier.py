@@ -70,15 +70,17 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
     unknown : label, default=None
         Label of one more true state, without recordings, such as "unknown": "Unhealthy - Unknown"
         in Eq. (2.35). Its probability follows from `typicality`. It has a column in the cost and
-        a prior, 0.01 unless `priors` name it (an array: with one more element). Costs that `cost`
-        does not state: see `emacm.decisions.costs.cost_table`. None: there is none.
+        a prior, 0.01 unless `unknown_rate` is given or `priors` name it (an array: with one more
+        element). What `cost` does not state of it: deciding "unknown" costs what "inspect" costs,
+        if there is such a decision (see `emacm.decisions.costs.cost_table`). None: there is none.
     temperature : None, float or "groups", default=None
         Densities are raised to the power of 1 / temperature before they are multiplied by the
         priors. "groups": the value of least log loss for groups that are left out. None: 1.
     unknown_rate : None or float, default=None
-        Largest share of known recordings whose decision may change because of the unknown state. If
-        given, the prior of that state follows from it and from the groups that are left out (their
-        mean and its standard error), unless `priors` state that prior. Needs `unknown`.
+        Accepted mean share of known recordings whose most probable state is the unknown one: those
+        with a typicality of at most this rate. It holds for recordings of units like those left
+        out. The prior of the unknown state follows from it, without costs, unless `priors` state
+        that prior; see the notes. Needs `unknown`.
 
     Attributes
     ----------
@@ -87,7 +89,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
     truths_ : ndarray of shape (n_truths,)
         The possible true states: `classes_`, followed by `unknown` if it is given.
     decisions_ : ndarray of shape (n_decisions,)
-        Possible results of `predict`; of equal risks the first is returned.
+        Possible results of `predict`.
     cost_ : ndarray of shape (n_decisions, n_truths)
         Cost of each of `decisions_` under each of `truths_`.
     priors_ : ndarray of shape (n_classes,)
@@ -119,6 +121,13 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
     `cost` and `priors` take effect when a decision is made: ``set_params(cost=...)`` on a fitted
     classifier applies to the next `predict`, and equals a refit. `cost_`, `decisions_` and
     `priors_` contain the values in effect.
+
+    No probability depends on costs. With `unknown_rate`, the rank of a recording among those left
+    out decides whether the unknown state is the most probable one: its probability is at least 1/2
+    for a typicality of at most `unknown_rate`, and about twice this rate for all other recordings
+    (`emacm.decisions.typicality.evidence_for_unknown`). Costs then decide by the risk, as
+    everywhere: where looking is cheap, "inspect" is decided before that. Of "unknown" and
+    "inspect" at the same cost, "unknown" is decided where it is the most probable state.
 
     `partial_fit` neither warns nor raises if covariances are singular, because further recordings
     may change that. `predict` and the other methods warn or raise. `CalibratedClassifierCV` decides
@@ -219,7 +228,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
             self._leave_out(X, codes, groups, weight)
         return self
 
-    def _judge(
+    def _densities_without(
         self, X: Array, codes: Indices, units: Indices, weight: Array, X_left: Array
     ) -> Array:
         """Singular covariances are raised to the floor."""

@@ -45,9 +45,12 @@ def cost_table(
         The possible true classes, each once.
     unknown : label, default=None
         Label of the unknown state, one more decision and true state; None: there is none. What
-        `cost` does not state of it: deciding "unknown" costs 0 if that is true and 1 otherwise; if
-        the true state is unknown, deciding a class, or any decision that is the cheapest for
-        some class, costs 1, and any other ("inspect") its largest cost for a class.
+        `cost` does not state of it: if the true state is unknown, deciding a class, or any decision
+        that is the cheapest for some class, costs 1, and any other ("inspect") its largest cost
+        for a class. Deciding "unknown" costs under each true state what "inspect" costs there,
+        because an unknown state has to be looked at (of several such decisions, the one that costs
+        least if the true state is unknown, and less than any class). Without such a decision it
+        costs 0 if it is true and 1 otherwise.
 
     Returns
     -------
@@ -79,7 +82,7 @@ def cost_table(
     >>> matrix
     array([[ 0. , 10. ,  1. ],
            [ 1. ,  0. ,  1. ],
-           [ 1. ,  1. ,  0. ],
+           [ 0.5,  0.4,  0.5],
            [ 0.5,  0.4,  0.5]])
     """
     labels = np.asarray(classes)
@@ -94,25 +97,33 @@ def cost_table(
         name = f"the cost of deciding {decision!r} when {truth!r} is true"
         matrix[i, k] = check_number(stated.get((decision, truth), float(decision != truth)), name)
     if unknown is not None:
-        of_classes = matrix[np.array(rows, object) != unknown, :-1]
+        others = np.array([row != unknown for row in rows])
+        of_classes = matrix[others, :-1]
         least = of_classes[of_classes > 0].min(initial=np.inf)
         if 1 < least < np.inf and not any(unknown in pair for pair in stated):
             raise ValueError(
                 f"cost must state a row and a column of the unknown state {unknown!r}: their "
                 f"default 1 is below all other costs, of which the smallest is {least:g}."
             )
+        names_states = (matrix[:, :-1] == of_classes.min(axis=0)).any(axis=1)
+        names_states |= [decision in truths for decision in rows]
         for row, decision in enumerate(rows):
             if decision not in truths and (decision, unknown) not in stated:
-                cheapest = (matrix[row, :-1] == of_classes.min(axis=0)).any()
-                matrix[row, -1] = 1.0 if cheapest else matrix[row, :-1].max()
+                matrix[row, -1] = 1.0 if names_states[row] else matrix[row, :-1].max()
+        keys = zip(~others, matrix[:, -1], ~names_states, strict=True)
+        cheapest = min(enumerate(keys), key=lambda pair: pair[1])[0]
+        if not names_states[cheapest]:  # an inspection
+            is_default = [(unknown, truth) not in stated for truth in truths]
+            matrix[rows.index(unknown), is_default] = matrix[cheapest, is_default]
     return label_array(rows, every), matrix
 
 
 def stated_costs(estimator: Any) -> dict[str, Any]:
     """Return the cost by which an estimator decides, its unknown state and its priors.
 
-    They are those of the last step of pipelines and searches. Those of an estimator inside of that
-    step (a member of a `PosteriorProduct`, for example) do not count.
+    They are those of the last step of pipelines and searches. Costs and priors of an estimator
+    inside of that step (a member of a `PosteriorProduct`, for example) do not count; its unknown
+    state does.
 
     Returns
     -------

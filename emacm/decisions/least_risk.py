@@ -18,19 +18,20 @@ from emacm.decisions.pipelines import (
     final_estimator,
     unreachable_unknown_states,
 )
-from emacm.decisions.risks import Array, LeastRiskMixin, pooled_log_posterior
-from emacm.decisions.truths import check_classes, check_possible, class_priors
+from emacm.decisions.risks import Array, CombinedRiskMixin, pooled_log_posterior
+from emacm.decisions.truths import check_classes, check_possible, truth_priors
 
 
 class LeastRiskClassifier(
-    LeastRiskMixin, RoutingMixin, MetaEstimatorMixin, ClassifierMixin, SavedEstimator
+    CombinedRiskMixin, RoutingMixin, MetaEstimatorMixin, ClassifierMixin, SavedEstimator
 ):
     """Decide by least conditional risk, given the posterior probabilities of any classifier.
 
     Parameters
     ----------
     estimator : estimator
-        Classifier or pipeline with `predict_proba`. Its own costs have no effect.
+        Classifier or pipeline with `predict_proba`. Its own costs have no effect; its unknown
+        state, if it has one, is decided on.
     cost : None, array-like, DataFrame or mapping, default=None
         Cost of each decision under each true class; rows are decisions. None: 0-1. See
         `emacm.decisions.costs.cost_table`.
@@ -42,12 +43,16 @@ class LeastRiskClassifier(
     ----------
     classes_ : ndarray of shape (n_classes,)
         The possible true classes, sorted.
+    truths_ : ndarray of shape (n_truths,)
+        `classes_`, followed by the unknown state if the estimator has one.
     decisions_ : ndarray of shape (n_decisions,)
-        Possible results of `predict`; of equal risks the first is returned.
-    cost_ : ndarray of shape (n_decisions, n_classes)
-        Cost of each of `decisions_` under each of `classes_`.
+        Possible results of `predict`.
+    cost_ : ndarray of shape (n_decisions, n_truths)
+        Cost of each of `decisions_` under each of `truths_`.
     priors_ : ndarray of shape (n_classes,)
-        Prior probabilities in effect.
+        Prior probabilities in effect, given that one of the classes is true.
+    unknown_prior_ : float
+        Prior probability of the unknown state: of `priors`, or else of the estimator.
     estimator_ : estimator
         The fitted classifier.
     n_features_in_ : int
@@ -127,11 +132,12 @@ class LeastRiskClassifier(
         y = column_or_1d(y, warn=True)
         check_consistent_length(X, y)
         classes, codes = np.unique(y, return_inverse=True)
-        cost_table(self.cost, classes)
+        unknown = getattr(final_estimator(self.estimator), "unknown", None)
+        cost_table(self.cost, classes, unknown)
         weights = [value for name, value in fit_params.items() if name.endswith("sample_weight")]
         weight = positive_weights(weights[-1] if weights else None, len(y))
         counts = np.bincount(codes, weight).astype(np.float64)
-        class_priors(self.priors, classes, counts)
+        truth_priors(self.priors, classes, counts, unknown)
         fitted = clone(self.estimator).fit(X, y, **self._routed(fit_params))
         if not hasattr(fitted, "predict_proba"):
             raise TypeError(
@@ -150,9 +156,12 @@ class LeastRiskClassifier(
         return self
 
     @property
-    def priors_(self) -> Array:
-        """Prior probabilities in effect, shape (n_classes,), for the present `priors`."""
-        return class_priors(self.priors, self.classes_, self.estimator_priors_)
+    def _frequencies(self):
+        return self.estimator_priors_
+
+    @property
+    def _inside(self):
+        return {"estimator": getattr(self, "estimator_", self.estimator)}
 
     @property
     def estimator_priors_(self) -> Array:
@@ -197,16 +206,6 @@ class LeastRiskClassifier(
             return logs
         check_possible(self.priors_, self.estimator_priors_, self.classes_)
         return pooled_log_posterior([logs], [self.estimator_priors_], self.priors_)
-
-    @property
-    def n_features_in_(self):
-        """Number of features, as the estimator counts them."""
-        return self.estimator_.n_features_in_
-
-    @property
-    def feature_names_in_(self):
-        """Names of the features, as the estimator knows them."""
-        return self.estimator_.feature_names_in_
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()

@@ -233,11 +233,6 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
                 stacklevel=3,
             )
 
-    @property
-    def _needs_densities(self) -> bool:
-        """Also for prediction sets."""
-        return not self._without_units or super()._needs_densities
-
     def _unit(self) -> UnitLevels:
         if self._levels is None:
             check_is_fitted(self)
@@ -254,12 +249,12 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         shrinkage = shrinkage_coefficients(moments, self.shrinkage, (X, codes))
         return fit_unit_levels(X, codes, units, plain, *shrinkage)
 
-    def _judge(
+    def _densities_without(
         self, X: Array, codes: Indices, units: Indices, weight: Array, X_left: Array
     ) -> Array:
         """Return log densities of classes estimated without the units of left-out recordings."""
         if self._without_units:
-            return super()._judge(X, codes, units, weight, X_left)
+            return super()._densities_without(X, codes, units, weight, X_left)
         logs = np.full((len(X_left), len(self.classes_)), -np.inf)
         known, numbers = np.unique(codes, return_inverse=True)
         with suppress(ValueError):  # too few units remain

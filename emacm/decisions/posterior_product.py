@@ -13,11 +13,11 @@ from emacm._checks import located
 from emacm._saved import SavedEstimator
 from emacm.decisions.least_risk import LeastRiskClassifier
 from emacm.decisions.pipelines import groups_are_units, groups_options, uses_groups
-from emacm.decisions.risks import Array, LeastRiskMixin, pooled_log_posterior
-from emacm.decisions.truths import check_possible, class_priors
+from emacm.decisions.risks import Array, CombinedRiskMixin, pooled_log_posterior
+from emacm.decisions.truths import check_possible
 
 
-class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
+class PosteriorProduct(CombinedRiskMixin, ClassifierMixin, SavedEstimator):
     """Combine classifiers by the product of their posteriors, and decide by least risk.
 
     Each member is fitted to the same recordings and uses one channel, or any other part of
@@ -31,16 +31,16 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
     ----------
     estimators : list of (str, estimator)
         Names and members: classifiers or pipelines with `predict_proba`. Their costs have no
-        effect.
+        effect. If they have an unknown state, all must have the same one, with the same rate.
     cost : None, array-like, DataFrame or mapping, default=None
         Cost of each decision under each true class, as for `LeastRiskClassifier`.
     priors : None, "uniform", array-like or mapping, default=None
         Probability of each class in service. None: the prior of the members, which must then be
-        the same for all.
+        the same for all. That of the unknown state, if not stated: the largest of the members.
 
     Attributes
     ----------
-    classes_, decisions_, cost_, priors_ : ndarray
+    classes_, truths_, decisions_, cost_, priors_, unknown_prior_
         As for `LeastRiskClassifier`; `cost` and `priors` take effect when a decision is made.
     member_priors_ : ndarray of shape (n_members, n_classes)
         The prior within the posterior of each member, see `LeastRiskClassifier`.
@@ -115,8 +115,8 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         Raises
         ------
         TypeError, ValueError
-            If a parameter, an input or a member (which is named) is invalid, or members have
-            different priors and `priors` is None.
+            If a parameter, an input or a member (which is named) is invalid, members have
+            different priors and `priors` is None, or different unknown states.
         """
         fitted = {}
         for name, member in self._checked_members().items():
@@ -128,6 +128,7 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         self.named_estimators_ = Bunch(**{name: m.estimator_ for name, m in fitted.items()})
         self.estimators_ = list(self.named_estimators_.values())
         self._cost_table()
+        self._agreed("unknown_rate")
         self._check_priors()
         return self
 
@@ -137,9 +138,12 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         return np.array([member.priors_ for member in self._members.values()])
 
     @property
-    def priors_(self) -> Array:
-        """Prior probabilities in effect, shape (n_classes,)."""
-        return class_priors(self.priors, self.classes_, self.member_priors_[0])
+    def _frequencies(self):
+        return self.member_priors_[0]
+
+    @property
+    def _inside(self):
+        return getattr(self, "named_estimators_", None) or self._named_pairs()
 
     def predict_log_proba(self, X):
         """Return the logarithm of the combined posterior, shape (n_recordings, n_classes)."""
@@ -168,16 +172,6 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         if replaced:
             self.estimators = [(name, replaced.get(name, old)) for name, old in self.estimators]
         return super().set_params(**params)
-
-    @property
-    def n_features_in_(self):
-        """Number of features of the first member."""
-        return next(iter(self._members.values())).n_features_in_
-
-    @property
-    def feature_names_in_(self):
-        """Names of the features of the first member."""
-        return next(iter(self._members.values())).feature_names_in_
 
     def _named_pairs(self) -> dict[str, Any]:
         """Return members by name; none if `estimators` are not pairs (name, estimator)."""

@@ -16,13 +16,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import logsumexp
+from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import column_or_1d
 
 from emacm.decisions.costs import cost_table
 from emacm.decisions.metrics import fraction_correct
-from emacm.decisions.truths import label_array, truth_labels
+from emacm.decisions.pipelines import before_the_last_step, final_estimator
+from emacm.decisions.truths import label_array, truth_labels, truth_priors
+from emacm.decisions.typicality import prior_for_rate, unknown_probability
 
 Array = NDArray[np.float64]
+
+
+def has_unknown(classifier: Any) -> bool:
+    """Return True if there is an unknown state; otherwise an AttributeError states the remedy."""
+    if classifier.unknown is None:
+        raise AttributeError(
+            'unknown_proba needs the label of an unknown state, such as unknown="unknown".'
+        )
+    return True
 
 
 class LeastRiskMixin:
@@ -30,13 +42,16 @@ class LeastRiskMixin:
 
     For classifiers with the parameter `cost` and the fitted attribute `classes_`. The cost takes
     effect when a decision is made: a cost that is set after `fit` applies to the next `predict`.
-    A classifier with an unknown state has a parameter `unknown`, its label, and a method
-    `unknown_proba`.
+    No probability depends on costs. A classifier with an unknown state has a label `unknown` and a
+    method `typicality`, from which the probability of this state follows.
     """
 
     cost: Any
+    priors: Any
     classes_: NDArray[Any]
     unknown: Any = None
+    unknown_rate: Any = None
+    typicality: Any
 
     @property
     def truths_(self) -> NDArray[Any]:
@@ -53,13 +68,46 @@ class LeastRiskMixin:
         """Cost of each of `decisions_` under each of `truths_`, for the present `cost`."""
         return self._cost_table()[1]
 
+    @property
+    def priors_(self) -> Array:
+        """Prior probabilities in effect, shape (n_classes,), for the present `priors`.
+
+        With an unknown state, those given that the true state is one of the classes.
+        """
+        return self._truth_priors()[0]
+
+    @property
+    def unknown_prior_(self) -> float:
+        """Prior probability in effect of the unknown state; 0 if there is none.
+
+        That of `priors`; or else the one that follows from `unknown_rate`, without costs
+        (`emacm.decisions.typicality.prior_for_rate`); or else 0.01.
+        """
+        return self._truth_priors()[1]
+
     def predict_log_proba(self, X: Any) -> Array:
         """Return the logarithm of the posterior, shape (n_recordings, n_classes)."""
         raise NotImplementedError
 
-    def unknown_proba(self, X: Any, typicality: Array | None = None) -> Array:
-        """Return the probability of the unknown state, shape (n_recordings,)."""
-        raise NotImplementedError
+    @available_if(has_unknown)
+    def unknown_proba(self, X, typicality=None):
+        """Return the probability that the true state is unknown.
+
+        Parameters
+        ----------
+        X : list of Recording, or table
+            As for `fit`.
+        typicality : ndarray of shape (n_recordings,), default=None
+            Result of `typicality`, if it is known; `X` is then not used.
+
+        Returns
+        -------
+        probability : ndarray of shape (n_recordings,)
+            From the typicality and `unknown_prior_`, by Bayes' rule.
+        """
+        if typicality is None:
+            typicality = self.typicality(X)
+        return unknown_probability(typicality, self.unknown_prior_, self.unknown_rate)
 
     def predict_proba(self, X):
         """Return the posterior probability of each class, Eq. (2.42).
@@ -95,7 +143,8 @@ class LeastRiskMixin:
         """Return the decision of least conditional risk, Eq. (2.43).
 
         Scaling all costs, or adding a constant to all decisions of one true class, changes no
-        decision. Of equal risks, the first of `decisions_` is returned.
+        decision. Of equal risks, the first of `decisions_` is returned; the unknown state, which
+        costs what an inspection costs, if and only if it is the most probable one.
 
         Parameters
         ----------
@@ -112,10 +161,26 @@ class LeastRiskMixin:
         TypeError, ValueError
             If an input, or the present cost or priors, are invalid.
         """
-        posterior = self.truth_proba(X, self.predict_proba(X))
+        return self.decided(self.truth_proba(X, self.predict_proba(X)))
+
+    def decided(self, truths):
+        """Return the decisions of `predict` for given probabilities.
+
+        Parameters
+        ----------
+        truths : ndarray of shape (n_recordings, n_truths)
+            Result of `truth_proba`.
+
+        Returns
+        -------
+        decisions : ndarray of shape (n_recordings,)
+        """
         decisions, cost = self._cost_table()
-        decided = decisions.take(decide(posterior, cost))
-        return decided if self.unknown is None else label_array(decided.tolist(), self.classes_)
+        if self.unknown is None:
+            return decisions.take(decide(truths, cost))
+        labels = decisions.tolist()
+        rows = decide(truths, cost, labels.index(self.unknown))
+        return label_array([labels[row] for row in rows], self.classes_)
 
     def score(self, X, y, sample_weight=None):
         """Return the fraction of correct decisions.
@@ -153,6 +218,20 @@ class LeastRiskMixin:
     def _cost_table(self) -> tuple[NDArray[Any], Array]:
         return cost_table(self.cost, self.classes_, self.unknown)
 
+    @property
+    def _frequencies(self) -> Array:
+        """How often each class is expected where `priors` are None, shape (n_classes,)."""
+        raise NotImplementedError
+
+    @property
+    def _unknown_default(self) -> float:
+        """Prior of the unknown state where `priors` do not state it."""
+        return 0.01 if self.unknown_rate is None else prior_for_rate(self.unknown_rate)
+
+    def _truth_priors(self) -> tuple[Array, float]:
+        parts = self.priors, self.classes_, self._frequencies, self.unknown
+        return truth_priors(*parts, self._unknown_default)
+
     def truth_proba(self, X: Any, posterior: Array, typicality: Array | None = None) -> Array:
         """Return the posterior probability of each of `truths_`, given that of `classes_`.
 
@@ -173,6 +252,115 @@ class LeastRiskMixin:
             return posterior
         unknown = self.unknown_proba(X, typicality)[:, np.newaxis]
         return np.hstack([posterior * (1 - unknown), unknown])
+
+
+class CombinedRiskMixin(LeastRiskMixin):
+    """Decisions from the posteriors of fitted classifiers, with the unknown state that they have.
+
+    A recording is as typical as for the classifier that knows least of it, so that one whose
+    channel is dead does not decide. All classifiers must have the same unknown state, or none.
+    """
+
+    @property
+    def _inside(self) -> dict[str, Any]:
+        """Return the classifiers or pipelines by name; before `fit`, those that were given."""
+        raise NotImplementedError
+
+    @property
+    def unknown(self):
+        """Label of the unknown state of the classifiers inside; None if they have none."""
+        return self._agreed("unknown")
+
+    @property
+    def unknown_rate(self):
+        """Accepted share of known recordings that are called unknown, as of those inside."""
+        return self._agreed("unknown_rate")
+
+    @property
+    def _unknown_default(self) -> float:
+        finals = map(final_estimator, self._inside.values())
+        return max((getattr(final, "unknown_prior_", 0.0) for final in finals), default=0.0)
+
+    def _agreed(self, name: str) -> Any:
+        """Return a property of the classifiers inside, which must be the same for all."""
+        inside = self._inside.items()
+        found = {key: getattr(final_estimator(inner), name, None) for key, inner in inside}
+        first = next(iter(found.values()), None)
+        if any(value != first for value in found.values()):
+            raise ValueError(
+                f"all members must have the same {name}, or none, but they have {found}. A member "
+                f"that knows of no unknown state would decide on recordings of a dead channel."
+            )
+        return first
+
+    def _opened(self, X: Any) -> list[tuple[Any, Any]]:
+        """Return each classifier inside, without the steps before it, and its input."""
+        return [before_the_last_step(inner, X) for inner in self._inside.values()]
+
+    @available_if(lambda self: self._has("typicality"))
+    def typicality(self, X):
+        """Return the fraction of known recordings that are at least as unlike the training.
+
+        The least typicality p of m classifiers is at most p by chance m times as often:
+        ``1 - (1 - p)^m`` is uniform for known recordings if the classifiers are independent within
+        each class (Tippett's method [1]_), and too large rather than too small if they agree.
+
+        Parameters
+        ----------
+        X : list of Recording, or table
+            As for `fit`.
+
+        Returns
+        -------
+        typicality : ndarray of shape (n_recordings,)
+            In (0, 1].
+
+        References
+        ----------
+        .. [1] Tippett, The Methods of Statistics (1931); Loughin, A systematic comparison of
+           methods for combining p-values, Computational Statistics & Data Analysis 47 (2004).
+        """
+        found = [final.typicality(table) for final, table in self._opened(X)]
+        if len(found) == 1:
+            return found[0]
+        with np.errstate(divide="ignore"):  # log(0) of the most typical recording
+            return -np.expm1(len(found) * np.log1p(-np.min(found, axis=0)))
+
+    @available_if(lambda self: self._has("second_states"))
+    def second_states(self, X, decisions):
+        """Return the class whose lines each recording has beyond those of the decided one.
+
+        As `CostSensitiveGaussianBayes.second_states`, by the first classifier that finds one.
+
+        Parameters
+        ----------
+        X : list of Recording, or table
+            As for `fit`.
+        decisions : sequence of n_recordings labels
+            Decisions of `predict`.
+
+        Returns
+        -------
+        list of label or None
+        """
+        found = [final.second_states(table, decisions) for final, table in self._opened(X)]
+        return [
+            next((state for state in states if state is not None), None)
+            for states in zip(*found, strict=True)
+        ]
+
+    def _has(self, name: str) -> bool:
+        return all(hasattr(final_estimator(inner), name) for inner in self._inside.values())
+
+    @property
+    def n_features_in_(self):
+        """Number of features, as the (first) classifier inside counts them."""
+        return next(iter(self._inside.values())).n_features_in_
+
+    @property
+    def feature_names_in_(self):
+        """Names of the features, as the (first) classifier inside knows them."""
+        return next(iter(self._inside.values())).feature_names_in_
 
 
 def pooled_log_posterior(
@@ -262,11 +450,13 @@ def canonical_cost(cost: ArrayLike) -> Array:
     return regret / largest if largest > 0 else regret
 
 
-def decide(probability: Array, cost: Array) -> NDArray[np.intp]:
+def decide(probability: Array, cost: Array, unknown: int | None = None) -> NDArray[np.intp]:
     """Return the row of the decision of least conditional risk, Eq. (2.43) of the module's [1]_.
 
     Scaling all costs, or adding a constant to all decisions of one true class, changes no
-    decision. Of equal risks (but for rounding) the first decision is returned.
+    decision. Of equal risks (but for rounding) the first decision is returned; the unknown state
+    if and only if it is the most probable one, so that "inspect" of the same cost is decided where
+    a recording is only uncertain.
 
     Parameters
     ----------
@@ -274,6 +464,8 @@ def decide(probability: Array, cost: Array) -> NDArray[np.intp]:
         Probability of each class for each recording.
     cost : ndarray of shape (n_decisions, n_classes)
         Rows are decisions, columns are true classes.
+    unknown : int, default=None
+        Row of the unknown state, whose column is the last. None: there is none.
 
     Returns
     -------
@@ -290,7 +482,12 @@ def decide(probability: Array, cost: Array) -> NDArray[np.intp]:
     risk = risks_of(probability, canonical_cost(cost))
     # Canonical costs are not negative: no risk is a small difference of large terms.
     least = risk.min(axis=1, keepdims=True)
-    return (risk <= least * (1 + 1e-12)).argmax(axis=1)  # others are equal but for rounding
+    tied = risk <= least * (1 + 1e-12)  # others are equal but for rounding
+    if unknown is not None:
+        is_unknown = probability.argmax(axis=1) == probability.shape[1] - 1
+        tied[is_unknown & tied[:, unknown]] &= np.arange(len(cost)) == unknown
+        tied[~is_unknown & (tied.sum(axis=1) > 1), unknown] = False
+    return tied.argmax(axis=1)
 
 
 def risks_of(probability: Array, cost: Array) -> Array:

@@ -293,19 +293,11 @@ def truth_priors(
     >>> of_classes.round(3), of_unknown
     (array([0.947, 0.053]), 0.05)
     """
-    if unknown is None:
-        return class_priors(priors, classes, counts), 0.0
-    if not states_unknown(priors, classes, unknown):
-        return class_priors(priors, classes, counts), default
+    is_named = isinstance(priors, Mapping | pd.Series) and unknown in dict(priors.items())
+    if unknown is None or not (is_named or np.shape(priors) == (len(classes) + 1,)):
+        return class_priors(priors, classes, counts), 0.0 if unknown is None else default
     truths = truth_labels(classes, unknown)
     every = class_priors(priors, truths, np.ones(len(truths)))
     if not every[:-1].sum() > 0:
         raise ValueError(f"priors give {unknown!r} the probability 1, and no class any.")
     return every[:-1] / every[:-1].sum(), float(every[-1])
-
-
-def states_unknown(priors: Any, classes: NDArray[Any], unknown: Any) -> bool:
-    """Return whether priors state that of the unknown state."""
-    if isinstance(priors, Mapping | pd.Series):
-        return unknown in dict(priors.items())
-    return np.shape(priors) == (len(classes) + 1,)

@@ -8,6 +8,9 @@ deviation of a single feature shows a new spectral line. Distances are compared 
 training recordings that are left out together with their group, and not with the chi-square
 distribution: in 176 dimensions its 99 % quantile is exceeded by one known recording in five of runs
 that were not trained on.
+
+The constants were chosen by leaving runs out within runs 1 to 4 of the Cranfield actuator and on
+simulated machines (120 recordings of 60 units): ``python benchmarks/unknown.py``.
 """
 
 from __future__ import annotations
@@ -30,18 +33,27 @@ from emacm.calibration.left_out import (
 from emacm.decisions.gaussians import class_gaussians, class_moments
 
 
-def evidence_for_unknown(typicality: Array) -> Array:
+def evidence_for_unknown(typicality: Array, rate: float | None = None) -> Array:
     """Return the Bayes factor for the unknown state against the known ones.
 
     The typicality p of known recordings is uniform; that of unknown ones has the density
     ``xi p^(xi - 1)`` with an unknown xi, uniform in (0, 1). The ratio of both densities is
-    ``(1 - p + p log p) / (p log(p)^2)`` [1]_. Its mean over known recordings is 1, so that it does
-    not exaggerate; -1 / (e p log p) [2]_ is an upper bound over all xi, with a mean above 1.
+    ``E(p) = (1 - p + p log p) / (p log(p)^2)`` [1]_. Its mean over known recordings is 1, so that
+    it does not exaggerate; -1 / (e p log p) [2]_ is an upper bound over all xi, with a mean above
+    1. E(p) rises slowly between the typicalities 1 and 0.01: a weak statement.
+
+    The rank of a recording is a strong one: a typicality of at most `rate` is a test with this
+    false alarm rate. Nothing is known of how many unknown recordings it finds; half of them are
+    taken to be like known ones, the other half to be beyond the rate, where p / rate has the
+    densities above: ``(1 + E(p / rate) / rate) / 2`` for ``p <= rate``, and 1/2 for all others.
+    A mean of two such ratios, it has the mean 1 as well [1]_.
 
     Parameters
     ----------
     typicality : ndarray
         In (0, 1], of any shape.
+    rate : float, default=None
+        Accepted share of known recordings that are called unknown. None: E(p).
 
     Returns
     -------
@@ -59,14 +71,45 @@ def evidence_for_unknown(typicality: Array) -> Array:
     --------
     >>> evidence_for_unknown(np.array([1.0, 0.1, 0.01, 0.0001])).round(2)
     array([  0.5 ,   1.26,   4.45, 117.76])
+    >>> evidence_for_unknown(np.array([1.0, 0.03, 0.02, 0.01, 0.0001]), rate=0.02).round(1)
+    array([  0.5,   0.5,  13. ,  16.5, 173. ])
     """
+    if rate is not None:
+        rare = typicality <= rate
+        beyond = evidence_for_unknown(np.where(rare, typicality / rate, 1.0)) / rate
+        return (1 + rare * beyond) / 2
     surprise = -np.log(typicality)
     small = surprise < 1e-4  # the quotient of differences loses digits
     safe = np.where(small, 1.0, surprise)
     return np.where(small, 0.5 + surprise / 6, (np.expm1(safe) - safe) / safe**2)
 
 
-def unknown_probability(typicality: Array, prior: float) -> Array:
+def prior_for_rate(rate: float) -> float:
+    """Return the prior with which a share of known recordings is most probably unknown.
+
+    A recording whose typicality is `rate` is as probably of the unknown state as of a known one.
+    Less typical ones, as `rate` of the known recordings are, have the unknown state as their most
+    probable one.
+
+    Parameters
+    ----------
+    rate : float
+        Accepted mean share of known recordings, above 0 and below 1.
+
+    Returns
+    -------
+    float
+
+    Examples
+    --------
+    >>> prior = prior_for_rate(0.02)
+    >>> unknown_probability(np.array([1.0, 0.03, 0.02, 0.01, 0.0001]), prior, 0.02).round(2)
+    array([0.04, 0.04, 0.5 , 0.56, 0.93])
+    """
+    return float(1 / (1 + evidence_for_unknown(np.array(rate), rate)))
+
+
+def unknown_probability(typicality: Array, prior: float, rate: float | None = None) -> Array:
     """Return the probability of the unknown state, by Bayes' rule.
 
     Parameters
@@ -75,6 +118,8 @@ def unknown_probability(typicality: Array, prior: float) -> Array:
         In (0, 1], of any shape.
     prior : float
         Of the unknown state, 0 to 1.
+    rate : float, default=None
+        As for `evidence_for_unknown`.
 
     Returns
     -------
@@ -85,49 +130,8 @@ def unknown_probability(typicality: Array, prior: float) -> Array:
     >>> unknown_probability(np.array([1.0, 0.01, 1e-6]), 0.01).round(3)
     array([0.005, 0.043, 0.981])
     """
-    unknown = prior * evidence_for_unknown(typicality)
+    unknown = prior * evidence_for_unknown(typicality, rate)
     return unknown / (1 - prior + unknown)
-
-
-@dataclass(frozen=True)
-class TypicalitySettings:
-    """Constants of the combined distance, chosen by leaving runs out within runs 1 to 4.
-
-    Of the Cranfield actuator and of simulated machines (120 recordings of 60 units):
-    ``python benchmarks/unknown.py``, whose runs 5 to 7 were not used.
-
-    Attributes
-    ----------
-    slopes, offsets : tuple of float
-        Weight and offset of the distance inside, outside, and of the largest deviation, in units of
-        its mean excess: a deviation outside the discriminant space counts less, that of a single
-        feature only if it is extreme.
-    expected : tuple of float
-        Expected mean excess of each log distance.
-    n_expected : float
-        Number of peaks that it counts as: with 12 units of two recordings, the mean excess of the 5
-        peaks alone was 0.02 to 1.7.
-    expected_combined : float
-        Expected mean excess of the combined distance.
-    large : float
-        Standard deviations of a feature above which it counts less outside.
-    n_moderating : float
-        Degrees of freedom of the expected variance of a feature.
-    resolution : float
-        Squared distance, in standard deviations, below which all recordings are equally near.
-    second_rate : float
-        Share of the left-out recordings with lines of a second state.
-    """
-
-    slopes: tuple[float, float, float] = (1.0, 0.6, 1.5)
-    offsets: tuple[float, float, float] = (0.0, 0.0, 8.0)
-    expected: tuple[float, float, float] = (0.5, 0.15, 0.2)
-    n_expected: float = 5.0
-    expected_combined: float = 0.85
-    large: float = 3.0
-    n_moderating: float = 3.0
-    resolution: float = 1e-3
-    second_rate: float = 0.02
 
 
 @dataclass(frozen=True)
@@ -144,15 +148,12 @@ class ClassDistances:
         Standard deviation of each feature within the classes, moderated.
     directions : ndarray of shape (n_features, n_directions)
         Features times these are the coordinates in the discriminant space, of unit covariance.
-    settings : TypicalitySettings
-        Constants.
     """
 
     means: Array
     factor: Array
     deviations: Array
     directions: Array
-    settings: TypicalitySettings
 
     def log_squares(self, X: Array) -> tuple[Array, Array, Array]:
         """Return logarithms of squared distances inside, outside, and of the largest deviation.
@@ -172,7 +173,7 @@ class ClassDistances:
         largest : ndarray of shape (n_recordings,)
             Of the largest deviation of one feature from that class.
         """
-        large, finite = self.settings.large, np.finfo(np.float64).max / 4
+        finite = np.finfo(np.float64).max / 4
         with np.errstate(over="ignore", invalid="ignore"):
             inside = np.array(
                 [np.square((X - m) @ self.directions).sum(axis=1) for m in self.means]
@@ -180,11 +181,12 @@ class ClassDistances:
             inside = np.fmin(inside, finite)  # replaces overflows, and differences of two of them
             scaled = (X - self.means[inside.argmin(axis=0)]) / self.deviations
             largest = np.fmin(np.square(scaled).max(axis=1), finite)
-            away = _reduce_large(scaled, large) * self.deviations
+            away = _reduce_large(scaled) * self.deviations
             outside = np.square(away @ self.factor).sum(axis=1)
             outside -= np.square(away @ self.directions).sum(axis=1)
         squares = inside, np.clip(np.fmin(outside, finite), 0.0, None), largest
-        inside, outside, largest = (np.log(each + self.settings.resolution) for each in squares)
+        # Within 0.03 standard deviations all recordings are equally near.
+        inside, outside, largest = (np.log(square + 1e-3) for square in squares)
         return inside, outside, largest
 
     def nearest(self, X: Array) -> Indices:
@@ -299,7 +301,7 @@ class Typicality:
         ndarray of shape (n_recordings,)
         """
         logs = self.distances.log_squares(X)
-        combined = _combine(logs, self.levels, self.peaks, self.used, self.distances.settings)
+        combined = _combine(logs, self.levels, self.peaks, self.used)
         return self.combined.survival(combined)
 
     def second_classes(self, X: Array, codes: Indices) -> Indices:
@@ -319,8 +321,7 @@ class Typicality:
         if self.second is None:
             return np.full(len(X), -1)
         values, others = self.distances.beyond_class(X, codes)
-        rare = self.second.survival(values) < self.distances.settings.second_rate
-        return np.where(rare, others, -1)
+        return np.where(self.second.survival(values) < 0.02, others, -1)
 
 
 def fit_typicality(X: Array, codes: Indices, units: Indices, weight: Array) -> Typicality:
@@ -346,8 +347,8 @@ def fit_typicality(X: Array, codes: Indices, units: Indices, weight: Array) -> T
     ValueError
         If no class has recordings in two groups, so that none can be left out.
     """
-    settings, n_classes = TypicalitySettings(), int(codes.max()) + 1
-    distances = _fit_distances(X, codes, units, weight, settings)
+    n_classes = int(codes.max()) + 1
+    distances = _fit_distances(X, codes, units, weight)
     inside = np.full((n_classes, len(X)), np.inf)
     outside, largest, beyond = np.zeros((3, len(X)))
     judged = np.zeros(len(X), dtype=bool)
@@ -355,7 +356,7 @@ def fit_typicality(X: Array, codes: Indices, units: Indices, weight: Array) -> T
         seen, renumbered = np.unique(codes[others], return_inverse=True)
         if len(others) <= len(seen):  # no variance within classes
             continue
-        part = _fit_distances(X[others], renumbered, units[others], weight[others], settings)
+        part = _fit_distances(X[others], renumbered, units[others], weight[others])
         inside[np.ix_(seen, rows)], outside[rows], largest[rows] = part.log_squares(X[rows])
         beyond[rows], _ = part.beyond_class(X[rows], part.nearest(X[rows]))
         judged[rows[np.isin(codes[rows], seen)]] = True
@@ -366,12 +367,14 @@ def fit_typicality(X: Array, codes: Indices, units: Indices, weight: Array) -> T
     logs = inside[:, left], outside[left], largest[left]
     own = np.array([inside[codes[left], left], *logs[1:]])
     levels = _class_levels(own, codes[left], units[left], weight[left], n_classes)
+    # Expected mean excesses count as five peaks each: with 12 units of two recordings, the mean
+    # excess of the five peaks alone was 0.02 to 1.7.
     peaks = tuple(
-        peaks_over_threshold(values - level[codes[left]], weight[left], mean, settings.n_expected)
-        for values, level, mean in zip(own, levels, settings.expected, strict=True)
+        peaks_over_threshold(values - level[codes[left]], weight[left], mean, n_expected=5.0)
+        for values, level, mean in zip(own, levels, (0.5, 0.15, 0.2), strict=True)
     )
-    values = _combine(logs, levels, peaks, used, settings)
-    combined = student_tail(values, weight[left], settings.expected_combined)
+    values = _combine(logs, levels, peaks, used)
+    combined = student_tail(values, weight[left], expected=0.85)
     found = np.full(len(X), np.nan)
     found[left] = combined.survival(values)
     feature_range = np.array([X.min(axis=0), X.max(axis=0)])
@@ -380,9 +383,7 @@ def fit_typicality(X: Array, codes: Indices, units: Indices, weight: Array) -> T
     return Typicality(distances, levels, peaks, used, combined, feature_range, found, second)
 
 
-def _fit_distances(
-    X: Array, codes: Indices, units: Indices, weight: Array, settings: TypicalitySettings
-) -> ClassDistances:
+def _fit_distances(X: Array, codes: Indices, units: Indices, weight: Array) -> ClassDistances:
     """Fit one covariance of all classes, shrunk by Ledoit and Wolf's coefficient."""
     n_classes = int(codes.max()) + 1
     moments = class_moments(X, codes, n_classes, weight, "tied")
@@ -391,17 +392,17 @@ def _fit_distances(
     centred = means - means.mean(axis=0)
     degrees = len(np.unique(np.column_stack([codes, units]), axis=0)) - n_classes
     variances = np.diagonal(gaussians.covariances[0])
-    deviations = _moderated_deviations(variances, centred, degrees, settings.n_moderating)
+    deviations = _moderated_deviations(variances, centred, degrees)
     _, sizes, directions = np.linalg.svd(centred @ factor, full_matrices=False)
     basis = directions[: np.count_nonzero(sizes[: n_classes - 1] > 1e-9 * sizes[0])].T
-    return ClassDistances(means, factor, deviations, factor @ basis, settings)
+    return ClassDistances(means, factor, deviations, factor @ basis)
 
 
-def _reduce_large(scaled: Array, large: float) -> Array:
+def _reduce_large(scaled: Array) -> Array:
     """Make large deviations, in standard deviations, smaller.
 
     Their squares become those of the pseudo-Huber function ``2 d^2 (sqrt(1 + (z / d)^2) - 1)`` with
-    d = `large`: z^2 where z is small, 2 d abs(z) where it is large. The squared distance is then no
+    d = 3: z^2 where z is small, 2 d abs(z) where it is large. The squared distance is then no
     longer determined by the few features of heavy tails [1]_, [2]_.
 
     References
@@ -411,17 +412,16 @@ def _reduce_large(scaled: Array, large: float) -> Array:
     .. [2] Hartley and Zisserman, Multiple View Geometry in Computer Vision, 2nd edition (2003),
        section A6.8 (the pseudo-Huber function).
     """
-    return scaled * np.sqrt(2 / (1 + np.sqrt(1 + np.square(scaled / large))))
+    return scaled * np.sqrt(2 / (1 + np.sqrt(1 + np.square(scaled / 3.0))))
 
 
-def _moderated_deviations(
-    variances: Array, centred: Array, degrees: int, n_expected: float
-) -> Array:
+def _moderated_deviations(variances: Array, centred: Array, degrees: int) -> Array:
     """Return standard deviations of the features within classes.
 
     From few groups some features have by chance a variance that is far too small, and the largest
     deviation of a feature is then that of such a feature. Variances are therefore moderated [1]_:
-    combined with an expected one, the same fraction of the total variance for all features.
+    combined with an expected one of three degrees of freedom, the same fraction of the total
+    variance for all features.
 
     References
     ----------
@@ -430,8 +430,7 @@ def _moderated_deviations(
     """
     total = variances + np.einsum("kf,kf->f", centred, centred) / len(centred)
     expected = (variances / total).sum() / len(total) * total
-    moderated = degrees * variances + n_expected * expected
-    return np.sqrt(moderated / (degrees + n_expected))
+    return np.sqrt((degrees * variances + 3 * expected) / (degrees + 3))
 
 
 def _class_levels(
@@ -458,18 +457,21 @@ def _combine(
     levels: Array,
     peaks: tuple[Peaks, ...],
     used: NDArray[np.bool_],
-    settings: TypicalitySettings,
 ) -> Array:
     """Combine the log distances to each class, and return that to the nearest.
+
+    Distances are in units of their mean excess; one outside the discriminant space counts less, the
+    largest deviation of a single feature only if it is extreme.
 
     The logarithm of the sum of the exponentials is nearly the largest of its terms. They are
     relative to the largest of the class where it is smallest.
     """
-    slopes = settings.slopes if used[0] else (0.0, 1.0, 1.0)
+    slopes = (1.0, 0.6, 1.5) if used[0] else (0.0, 1.0, 1.0)
+    offsets = 0.0, 0.0, 8.0
     terms = []
     for number in np.flatnonzero(used):
         scale = slopes[number] / peaks[number].mean_excess
-        level = (levels[number] + peaks[number].threshold) * scale + settings.offsets[number]
+        level = (levels[number] + peaks[number].threshold) * scale + offsets[number]
         terms.append(logs[number] * scale - level[:, np.newaxis])
     largest = np.maximum.reduce(terms).min(axis=0)
     with np.errstate(over="ignore"):  # of classes that are farther

@@ -141,6 +141,23 @@ def test_the_posterior_of_the_estimator_is_left_alone():
         np.testing.assert_allclose(model.risk(LATER), 1 - expected, atol=1e-12)
 
 
+def test_the_unknown_state_of_the_estimator_is_decided_on():
+    own = CostSensitiveGaussianBayes(COSTS["inspect"], unknown="odd", unknown_rate=0.05)
+    inside, groups = make_pipeline(StandardScaler(), own), np.arange(len(Y)) // 4
+    model = LeastRiskClassifier(inside, COSTS["inspect"])
+    for one in (inside, model):
+        one.fit(X, Y, costsensitivegaussianbayes__groups=groups)
+    new = np.vstack([LATER, 50 * LATER[:3]])
+    scaled = inside[:-1].transform(new)
+    for name in ("typicality", "unknown_proba", "risk", "predict"):
+        expected = getattr(inside[-1], name)(scaled)
+        np.testing.assert_array_equal(getattr(model, name)(new), expected)
+    assert model.predict(new)[-3:].tolist() == ["odd"] * 3
+    priors = {"dry": 0.2, "new": 0.4, "spall": 0.3, "odd": 0.1}
+    assert model.set_params(priors=priors).unknown_prior_ == pytest.approx(0.1)
+    assert not hasattr(LeastRiskClassifier(LogisticRegression()), "unknown_proba")
+
+
 def test_other_priors_follow_from_bayes_rule():
     model = LeastRiskClassifier(LogisticRegression(), priors=[0.2, 0.7, 0.1]).fit(X, Y)
     own = model.estimator_.predict_proba(LATER)

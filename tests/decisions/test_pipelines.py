@@ -98,7 +98,7 @@ WRAPPERS = {  # and the pipeline in a fitted one
     "pipeline": (lambda chain: chain, lambda model: model),
     "least risk": (LeastRiskClassifier, lambda model: model.estimator_),
     "product": (
-        lambda chain: PosteriorProduct([("one", chain), ("two", GaussianNB())], priors="uniform"),
+        lambda chain: PosteriorProduct([("one", chain), ("two", clone(chain))], priors="uniform"),
         lambda model: model.estimators_[0],
     ),
     "router": (lambda chain: ConditionRouter(chain, "load"), lambda model: model.estimators_[20]),

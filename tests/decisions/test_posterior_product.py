@@ -249,6 +249,78 @@ def test_what_members_explain_adds_up_to_the_log_odds_of_the_product(fleet):
     assert sum(table.attrs["value"] for table in explained) == pytest.approx(logs[0] - logs[1])
 
 
+# The unknown state of members
+
+
+def two_channels(seed, n_units=12):
+    """Two features of healthy and worn units, one for each channel, 8 standard deviations apart."""
+    y = np.tile(np.repeat(["healthy", "worn"], 5), n_units)
+    X = np.random.default_rng(seed).normal(size=(len(y), 2))
+    return X + 8.0 * (y == "worn")[:, np.newaxis], y, np.repeat(np.arange(n_units), 10)
+
+
+def of_two_channels(*options, **shared):
+    members = []
+    for column, own in enumerate(options):
+        select = make_column_transformer(("passthrough", [column]))
+        classifier = CostSensitiveGaussianBayes(covariance="tied", **own)
+        members.append((f"channel {column}", make_pipeline(select, classifier)))
+    return PosteriorProduct(members, **shared)
+
+
+UNKNOWN = {"unknown": "unknown", "unknown_rate": 0.02}
+
+
+def test_a_member_far_from_its_training_makes_the_state_unknown():
+    X, y, units = two_channels(0)
+    fused = of_two_channels(UNKNOWN, UNKNOWN).fit(X, y, groups=units)
+    assert fused.predict([[-60, 0], [0, 80], [0, 0], [8, 8]]).tolist() == [
+        *["unknown"] * 2,
+        "healthy",
+        "worn",
+    ]
+    assert fused.truths_.tolist() == fused.decisions_.tolist() == ["healthy", "worn", "unknown"]
+    new = two_channels(1, n_units=400)[0]
+    for level in (0.02, 0.1, 0.5):  # typicality is uniform for known recordings
+        assert np.mean(fused.typicality(new) <= level) == pytest.approx(level, rel=0.3)
+    assert np.mean(fused.predict(new) == "unknown") == pytest.approx(0.02, abs=0.007)
+    priors = {"healthy": 0.4, "worn": 0.4, "unknown": 0.2}
+    assert fused.set_params(priors=priors).unknown_prior_ == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    "other", [{}, UNKNOWN | {"unknown": "new"}, UNKNOWN | {"unknown_rate": 0.1}]
+)
+def test_members_with_different_unknown_states_are_refused(other):
+    X, y, units = two_channels(0)
+    with pytest.raises(ValueError, match=r"same unknown.*'channel 1': "):
+        of_two_channels(UNKNOWN, other).fit(X, y, groups=units)
+
+
+def test_a_dead_channel_does_not_decide(fleet):
+    def levels(name):
+        decades = FunctionTransformer(lambda X: np.log10(X + 1e-12))
+        bins = BinTransformer(2, max_order=12)
+        steps = OrderResampler(2 * np.pi / 32, channels=[name]), OrderPSD(4), bins, decades
+        classifier = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", **UNKNOWN)
+        return make_pipeline(*steps, classifier)
+
+    X, y = fleet
+    members = [(name, levels(name)) for name in ("current", "position")]
+    fused = PosteriorProduct(members, {("healthy", "worn"): 10})
+    fused.fit(X, y, groups=np.arange(20) // 2)
+    for dead in ("current", "position"):
+        worn = [run("worn", 100 + seed) for seed in range(12)]
+        silent = [
+            Recording(
+                {**x.signals, dead: np.zeros(len(x.signals[dead]))}, x.fs, velocity=x.velocity
+            )
+            for x in worn
+        ]
+        assert fused.predict(worn).tolist() == ["worn"] * 12
+        assert fused.predict(silent).tolist() == ["unknown"] * 12
+
+
 # Refusals
 
 

@@ -1,5 +1,7 @@
 """Facts about the evidence for an unknown state."""
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,10 +12,12 @@ from scipy.integrate import quad
 from emacm.decisions.typicality import evidence_for_unknown, unknown_probability
 
 
-def test_the_evidence_of_known_recordings_has_the_mean_1():
+@pytest.mark.parametrize("rate", [None, 0.01, 0.4])
+def test_the_evidence_of_known_recordings_has_the_mean_1(rate):
+    limits = sorted([1e-12, 1e-6, 1e-2, rate or 0.5, 1])
     mean = sum(
-        quad(lambda p: float(evidence_for_unknown(np.array(p))), low, high, limit=500)[0]
-        for low, high in ((1e-12, 1e-6), (1e-6, 1e-2), (1e-2, 1))
+        quad(lambda p: float(evidence_for_unknown(np.array(p), rate)), low, high, limit=500)[0]
+        for low, high in itertools.pairwise(limits)
     )
     assert mean == pytest.approx(1, abs=0.04)  # 1 / log(1e12) lies below 1e-12
 
@@ -36,10 +40,10 @@ def test_the_evidence_is_accurate_where_the_formula_changes():
     assert evidence_for_unknown(np.array(1.0)) == 0.5
 
 
-@given(st.floats(np.finfo(float).tiny, 1), st.floats(0, 1))
-def test_the_probability_lies_in_0_to_1_and_rises_as_typicality_falls(typicality, prior):
+@given(st.floats(np.finfo(float).tiny, 1), st.floats(0, 1), st.none() | st.floats(0.001, 0.999))
+def test_the_probability_lies_in_0_to_1_and_rises_as_typicality_falls(typicality, prior, rate):
     less = max(typicality / 2, np.finfo(float).tiny)
-    found = unknown_probability(np.array([typicality, less]), prior)
+    found = unknown_probability(np.array([typicality, less]), prior, rate)
     assert np.isfinite(found).all()
     assert ((found >= 0) & (found <= 1)).all()
     assert found[1] >= found[0] * (1 - 1e-9)

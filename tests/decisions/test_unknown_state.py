@@ -8,8 +8,10 @@ from sklearn.base import clone
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.costs import cost_table
+from emacm.decisions.least_risk import LeastRiskClassifier
 from emacm.decisions.metrics import neg_expected_cost
 from emacm.decisions.new_units import NewUnitClassifier
+from emacm.decisions.posterior_product import PosteriorProduct
 from emacm.decisions.truths import truth_labels, truth_priors
 from emacm.decisions.typicality import unknown_probability
 
@@ -33,6 +35,10 @@ def fitted(covariance="tied", shrinkage="auto", seed=0, **options):
     options = {"unknown": "unknown", "temperature": "groups"} | options
     model = CostSensitiveGaussianBayes(covariance=covariance, shrinkage=shrinkage, **options)
     return model.fit(*draw(seed)[:2], groups=draw(seed)[2])
+
+
+def as_product(member):
+    return PosteriorProduct([("one", member), ("other", clone(member))])
 
 
 # Decisions
@@ -70,9 +76,18 @@ def test_inspection_is_decided_where_it_is_cheaper():
     decided = model.predict(nearly_known).tolist()
     changes = [a for a, b in zip(decided, [None, *decided], strict=False) if a != b]
     assert changes[-2:] == ["inspect", "unknown"]
-    assert "unknown" not in fitted(cost=inspect | {("inspect", "unknown"): 0.0}).predict(
-        nearly_known
-    )
+    is_unknown = model.unknown_proba(nearly_known) > 0.5
+    np.testing.assert_array_equal(np.array(decided) == "unknown", is_unknown)
+    dearer = inspect | {("unknown", name): 0.31 for name in (*NAMES, "unknown")}
+    assert "unknown" not in model.set_params(cost=dearer).predict(nearly_known)
+
+
+def test_calling_everything_unknown_is_expected_to_cost_an_inspection_each():
+    priors = dict.fromkeys(NAMES, 1e-12 / 3) | {"unknown": 1 - 1e-12}
+    model = fitted(cost={("inspect", name): 0.3 for name in NAMES}, priors=priors)
+    X = np.vstack([draw(3)[0], FAR])
+    assert set(model.predict(X)) == {"unknown"}
+    np.testing.assert_allclose(model.risk(X).min(axis=1), 0.3)
 
 
 def test_the_risk_is_the_cost_weighted_by_all_truths():
@@ -120,8 +135,9 @@ def test_costs_that_are_not_stated_have_defaults():
     )
     decisions, table = cost_table(families, CLASSES, "new")
     assert decisions.tolist() == ["ok", "bad", "look", "new"]
-    np.testing.assert_array_equal(table[:, -1], [1, 1, 0.4, 0])
-    np.testing.assert_array_equal(table[-1, :-1], 1)
+    np.testing.assert_array_equal(table[:, -1], [1, 1, 0.4, 0.4])
+    np.testing.assert_array_equal(table[-1], table[2])
+    np.testing.assert_array_equal(cost_table(None, CLASSES, "new")[1], 1 - np.eye(4))
 
 
 @pytest.mark.parametrize("form", ["frame", "mapping"])
@@ -133,7 +149,7 @@ def test_what_is_stated_of_the_unknown_state_replaces_its_defaults(form):
     else:
         order = ["look", "worn", "healthy", "dry", "new"]
         columns = {"dry": [0.3, 1, 1, 0, 4], "new": [0.2, 1, 9, 1, -1]}
-        columns |= {"worn": [0.3, 0, 1, 1, 1], "healthy": [0.3, 1, 0, 1, 1]}
+        columns |= {"worn": [0.3, 0, 1, 1, 0.3], "healthy": [0.3, 1, 0, 1, 0.3]}
         cost = pd.DataFrame(columns, order)
     decisions, table = cost_table(cost, CLASSES, "new")
     assert decisions.tolist() == order
@@ -142,18 +158,23 @@ def test_what_is_stated_of_the_unknown_state_replaces_its_defaults(form):
         "dry": [0, 1, 1, 1],
         "healthy": [1, 0, 1, 9],
         "worn": [1, 1, 0, 1],
-        "new": [4, 1, 1, -1],
+        "new": [4, 0.3, 0.3, -1],
         "look": [0.3, 0.3, 0.3, 0.2],
     }
 
 
 def test_only_what_is_the_cheapest_for_some_class_is_wrong_of_the_unknown_state():
     cost = pd.DataFrame(
-        [[0, 2, 3], [5, 0.5, 0.2], [1.5, 0.6, 0.1], [4, 0.7, 0.9]], list("abcd"), CLASSES
+        [[0, 2, 3], [5, 0.5, 0.2], [1.5, 0.6, 0.1], [4, 0.7, 0.9], [0.8] * 3],
+        list("abcde"),
+        CLASSES,
     )
     decisions, table = cost_table(cost, CLASSES, "new")
-    assert decisions.tolist() == [*"abcd", "new"]
-    assert table[:, -1].tolist() == [1, 1, 1, 4, 0]
+    assert decisions.tolist() == [*"abcde", "new"]
+    assert table[:, -1].tolist() == [1, 1, 1, 4, 0.8, 0.8]
+    assert table[-1].tolist() == table[-2].tolist()  # the cheaper one of two inspections
+    table = cost_table(cost[:4], CLASSES, "new")[1]
+    assert table[-1].tolist() == [1, 1, 1, 0]  # none is cheaper than a wrong class
     square = np.arange(9.0).reshape(3, 3)
     decisions, table = cost_table(square, CLASSES, "new")
     assert decisions.tolist() == [*CLASSES, "new"]
@@ -316,9 +337,12 @@ def test_a_stated_share_of_known_recordings_of_new_units_is_called_unknown():
     model = CostSensitiveGaussianBayes(unknown="unknown", covariance="tied", unknown_rate=0.1)
     model.fit(X, y, groups=units)
     new, _, _ = draw(5, n_units=200)
-    assert np.mean(model.predict(new) == "unknown") == pytest.approx(0.1, abs=0.03)
+    rare = model.typicality(new) <= 0.1
+    np.testing.assert_array_equal(model.predict(new) == "unknown", rare)
+    assert np.mean(rare) == pytest.approx(0.1, abs=0.03)
     fewer = model.set_params(unknown_rate=0.02).predict(new)
     assert np.mean(fewer == "unknown") == pytest.approx(0.02, abs=0.01)
+    assert model.unknown_proba(new)[~rare].max() < 0.04  # an ordinary recording looks certain
 
 
 def test_priors_that_name_the_unknown_state_override_its_rate():
@@ -326,11 +350,21 @@ def test_priors_that_name_the_unknown_state_override_its_rate():
     assert fitted(priors=priors, unknown_rate=0.02).unknown_prior_ == pytest.approx(0.1)
 
 
-def test_the_prior_of_the_unknown_state_follows_costs_that_are_set_later():
-    cost = {("inspect", name): 0.2 for name in CLASSES}
+@pytest.mark.parametrize("outer", [None, LeastRiskClassifier, as_product])
+def test_no_probability_depends_on_costs(outer):
     model = fitted(unknown_rate=0.1)
-    refit = fitted(unknown_rate=0.1, cost=cost)
-    assert model.set_params(cost=cost).unknown_prior_ == refit.unknown_prior_
+    if outer:
+        X, y, units = draw(0)
+        model = outer(clone(model)).fit(X, y, groups=units)
+    X = np.vstack([draw(6)[0], FAR])
+    names = ("predict_proba", "unknown_proba", "typicality")
+    before = [getattr(model, name)(X) for name in names] + [model.unknown_prior_]
+    for price in (0.3, 0.01):
+        cost = {("inspect", name): price for name in CLASSES} | {("healthy", "worn"): 50.0}
+        model.set_params(cost=cost)
+        after = [getattr(model, name)(X) for name in names] + [model.unknown_prior_]
+        for one, other in zip(before, after, strict=True):
+            np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize("options", [{"unknown_rate": 2.0}, {"unknown_rate": 0.1, "unknown": None}])
