@@ -175,16 +175,14 @@ class _Chart(SavedEstimator):
         check_finite_readings(X, self)
         return X
 
-    def _limit(
-        self, *, default_arl: float = 500.0, largest: float = 100.0, longest: float = 1e9
-    ) -> float:
-        """Return the limit: given, or from the average run length, which is at most `longest`."""
+    def _limit(self) -> float:
+        """Return the limit: given, or from the average run length."""
         limit, arl = self.limit, self.__dict__["arl"]
         if limit is not None and arl is not None:
             raise ValueError(f"give limit or arl, got both: limit={limit!r}, arl={arl!r}.")
         if limit is not None:
-            return check_number(limit, "limit", above=0, at_most=largest)
-        arl = check_number(default_arl if arl is None else arl, "arl", above=1, at_most=longest)
+            return check_number(limit, "limit", above=0, at_most=100)
+        arl = check_number(500.0 if arl is None else arl, "arl", above=1, at_most=1e9)
         return limit_for(lambda x: self._run_length(x, 0.0), arl, type(self).__name__)
 
     def _average_run_length(self, shift: float = 0.0) -> float:

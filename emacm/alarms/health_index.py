@@ -396,7 +396,7 @@ class _Baselines:
     total: Array
 
     @classmethod
-    def of(cls, X: Array, units: pd.Series | None, *, min_baseline: int = 5) -> _Baselines:
+    def of(cls, X: Array, units: pd.Series | None) -> _Baselines:
         """Estimate the baselines of healthy recordings."""
         codes, names = pd.factorize(np.arange(len(X)) if units is None else units)
         counts = np.bincount(codes)
@@ -405,7 +405,7 @@ class _Baselines:
         own = {
             name: (means[k], int(counts[k]))
             for k, name in enumerate(names.tolist())
-            if counts[k] >= min_baseline
+            if counts[k] >= 5  # as in the docstring of HealthIndex
         }
         within = _factor(X - means[codes], X, len(X) - len(names))
         return cls(own, mean, len(names), within, _factor(X - mean, X, len(X) - 1))

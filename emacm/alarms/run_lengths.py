@@ -361,11 +361,9 @@ def limit_for(run_length: Callable[[float], float], arl: float, what: str) -> fl
     return float(brentq(lambda x: np.log(min(run_length(x), _LONGEST) / arl), low, high, xtol=1e-9))
 
 
-def _nodes(
-    low: float, high: float, width: float, *, least: int = 40, per_width: int = 4, most: int = 2000
-) -> tuple[Array, Array]:
+def _nodes(low: float, high: float, width: float) -> tuple[Array, Array]:
     """Return Gauss-Legendre nodes and weights; the error of the quadrature is below 1e-6."""
-    nodes, weights = leggauss(min(least + int(per_width * (high - low) / width), most))
+    nodes, weights = leggauss(min(40 + int(4 * (high - low) / width), 2000))
     half = (high - low) / 2
     return low + half * (nodes + 1), half * weights
 

@@ -234,23 +234,20 @@ def contents_of(path: Path) -> Contents:
     return found
 
 
-def count_pulses(values: NDArray[Any], *, fewest: int = 8, steady: float = 0.2) -> int:
+def count_pulses(values: NDArray[Any]) -> int:
     """Return the number of pulses of a column that looks like a tachometer; 0 if it does not.
 
     Parameters
     ----------
     values : ndarray of shape (n_times,)
         The column.
-    fewest : int
-        Pulses that it must have.
-    steady : float
-        Median relative change of the interval from one pulse to the next that it may have.
 
     Returns
     -------
     int
         Pulses of two levels: of what is above 30 % of their difference, most is above 70 %, unlike
-        in impulses that decay; and less is between these than 5 % of all.
+        in impulses that decay; and less is between these than 5 % of all. There are at least
+        eight, and from one to the next the interval changes by at most 20 % (median).
 
     Examples
     --------
@@ -264,11 +261,11 @@ def count_pulses(values: NDArray[Any], *, fewest: int = 8, steady: float = 0.2) 
     x = (x - lowest) / span
     high, between = float(np.mean(x > 0.7)), float(np.mean((x > 0.3) & (x <= 0.7)))
     starts = np.flatnonzero(np.diff((x > 0.5).astype(int)) > 0)
-    if between > min(0.05, high / 2, (1 - high) / 2) or len(starts) < fewest:
+    if between > min(0.05, high / 2, (1 - high) / 2) or len(starts) < 8:
         return 0
     intervals = np.diff(starts)
     change = np.median(np.abs(np.diff(intervals)) / intervals[1:])
-    return len(starts) if change <= steady else 0
+    return len(starts) if change <= 0.2 else 0
 
 
 def contents_table(contents: Contents) -> pd.DataFrame:
