@@ -19,7 +19,7 @@ from emacm.alarms.run_lengths import (
     limit_for,
     stated_run_length,
 )
-from emacm.alarms.stationarity import BaselineTests, trend_probability
+from emacm.alarms.stationarity import trend_probability
 
 Array = NDArray[np.float64]
 
@@ -321,15 +321,18 @@ class CUSUM(_Chart):
 
 
 def _warn_of_drift(X: Array, parts: NDArray[np.intp]) -> None:
-    """Warn if a column of a baseline has a trend beyond its autocorrelation."""
-    tests = BaselineTests()
-    found = np.array([trend_probability(column, parts) for column in X.T])
-    column = int(np.argmin(found))
-    if len(X) >= tests.fewest and found[column] < tests.level / X.shape[1]:
+    """Warn if a column of a baseline has a trend beyond its autocorrelation.
+
+    1 % of baselines without a trend have a warning.
+    """
+    probabilities = np.array([trend_probability(column, parts) for column in X.T])
+    column = int(np.argmin(probabilities))
+    if len(X) >= 10 and probabilities[column] < 0.01 / X.shape[1]:
         warn(
             "drift",
             f"the baseline drifts in column {column} (modified Mann-Kendall test, p = "
-            f"{found[column]:.2g}): its mean is not that of the readings to come. Take it after "
-            f"the machine has run in; if the rows are not in the order of measurement, sort them.",
+            f"{probabilities[column]:.2g}): its mean is not that of the readings to come. Take it "
+            f"after the machine has run in; if the rows are not in the order of measurement, sort "
+            f"them.",
             stacklevel=3,
         )
