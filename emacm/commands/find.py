@@ -120,7 +120,7 @@ def _draw(
 ) -> None:
     """Draw the spectrum of a channel in which a fault is named or suspected."""
     from emacm.displays import FaultLinesDisplay
-    from emacm.displays._drawing import pyplot
+    from emacm.displays.drawing import pyplot
 
     folder.mkdir(parents=True, exist_ok=True)
     display = FaultLinesDisplay.from_recording(recording, parts, channel=row["channel"])

@@ -396,17 +396,17 @@ def plot(contents: Contents, path: Path, most_panels: int = 12) -> None:
     ImportError
         If matplotlib is not installed.
     """
-    from emacm.displays import _drawing
+    from emacm.displays import drawing
 
     drawn = [column for column in contents.numbers.items() if column[0] != contents.times]
     drawn = drawn[:most_panels]
-    axes = _drawing.panel_axes(None, len(drawn), height=1.3)
+    axes = drawing.panel_axes(None, len(drawn), height=1.3)
     timed = all(name in contents.rates for name, _ in drawn)
     for panel, (name, values) in zip(axes, drawn, strict=True):
         rate = contents.rates[name] if timed else 1.0
-        panel.plot(np.arange(len(values)) / rate, values, color=_drawing.PLAIN, linewidth=0.8)
+        panel.plot(np.arange(len(values)) / rate, values, color=drawing.PLAIN, linewidth=0.8)
         panel.set_xlim(0, max(len(values) - 1, 1) / rate)
-        _drawing.label_y(panel, name, contents.columns.units.get(name, "unit"))
-    _drawing.label_x(axes, "time [s]" if timed else "sample")
+        drawing.label_y(panel, name, contents.columns.units.get(name, "unit"))
+    drawing.label_x(axes, "time [s]" if timed else "sample")
     with written_whole(path) as unfinished:
         axes[0].figure.savefig(unfinished, dpi=150, format=path.suffix[1:] or "png")

@@ -3,7 +3,6 @@
 - `RecordingDisplay`: signals and shaft speed of a recording over time.
 - `OrderSpectrumDisplay`: order spectra by group of recordings; `OrderMapDisplay`: order spectra of
   one recording over time or speed; `OrderBinsDisplay`: order bins by group.
-- `ExplainedVarianceDisplay`, `LoadingsDisplay`: principal components.
 - `FeatureDensityDisplay`, `DecisionRegionsDisplay`: classes and decisions in a plane.
 - `OutcomesDisplay`: correct decisions, false alarms, inspections, wrong faults and missed
   detections by signal and condition.
@@ -25,11 +24,7 @@ legends.
 """
 
 from emacm.displays.bearings import FaultLinesDisplay, KurtogramDisplay
-from emacm.displays.components import (
-    ContributionsDisplay,
-    ExplainedVarianceDisplay,
-    LoadingsDisplay,
-)
+from emacm.displays.contributions import ContributionsDisplay
 from emacm.displays.domain import DomainDisplay
 from emacm.displays.evaluation import EvaluationDisplay, OutcomesDisplay, UnknownRocDisplay
 from emacm.displays.monitoring import AlarmDisplay, RemainingLifeDisplay, TrendDisplay
@@ -43,11 +38,9 @@ __all__ = [
     "DecisionRegionsDisplay",
     "DomainDisplay",
     "EvaluationDisplay",
-    "ExplainedVarianceDisplay",
     "FaultLinesDisplay",
     "FeatureDensityDisplay",
     "KurtogramDisplay",
-    "LoadingsDisplay",
     "OrderBinsDisplay",
     "OrderMapDisplay",
     "OrderSpectrumDisplay",
