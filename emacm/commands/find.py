@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from emacm._saved import written_whole
-from emacm.commands.inspect import contents_of, draft_layout
+from emacm.files.drafts import contents_of, draft_layout
 from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.machine.rolling import bearing_of

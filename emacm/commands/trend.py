@@ -68,12 +68,12 @@ def run(options: argparse.Namespace) -> int:
     return FAILED if (table["error"] != "").any() else 0
 
 
-def _most_urgent(table: pd.DataFrame, most: int = 8) -> pd.DataFrame:
-    """Return the rows of the units whose latest index is highest, as many as a picture shows."""
+def _most_urgent(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of the 8 units whose latest index is highest, as many as a picture shows."""
     latest = table[table["index"].notna()].groupby("unit").tail(1)
-    units = (latest["index"] / latest["limit"]).set_axis(latest["unit"]).nlargest(most).index
+    units = (latest["index"] / latest["limit"]).set_axis(latest["unit"]).nlargest(8).index
     if len(units) < len(latest):
-        print(f"The picture shows the {most} units with the highest latest index.", file=sys.stderr)
+        print("The picture shows the 8 units with the highest latest index.", file=sys.stderr)
     return table[table["unit"].isin(units)]
 
 
