@@ -9,7 +9,6 @@
 - `EvaluationDisplay`: random split and splits by run, unit and condition, confusion matrix, and
   reliability of the posterior probabilities.
 - `DomainDisplay`: speeds and conditions of training recordings.
-- `UnknownRocDisplay`: how well families left out of training are recognised as unknown.
 - `FaultLinesDisplay`: order spectrum of the envelope, its background and the predicted lines;
   `KurtogramDisplay`: spectral kurtosis by band.
 - `AlarmDisplay`: statistic of an alarm over time; `RemainingLifeDisplay`: remaining life over age.
@@ -26,7 +25,7 @@ legends.
 from emacm.displays.bearings import FaultLinesDisplay, KurtogramDisplay
 from emacm.displays.contributions import ContributionsDisplay
 from emacm.displays.domain import DomainDisplay
-from emacm.displays.evaluation import EvaluationDisplay, OutcomesDisplay, UnknownRocDisplay
+from emacm.displays.evaluation import EvaluationDisplay, OutcomesDisplay
 from emacm.displays.monitoring import AlarmDisplay, RemainingLifeDisplay, TrendDisplay
 from emacm.displays.planes import DecisionRegionsDisplay, FeatureDensityDisplay
 from emacm.displays.power import OrderBinsDisplay, OrderSpectrumDisplay
@@ -48,5 +47,4 @@ __all__ = [
     "RecordingDisplay",
     "RemainingLifeDisplay",
     "TrendDisplay",
-    "UnknownRocDisplay",
 ]

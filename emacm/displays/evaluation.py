@@ -9,113 +9,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
-from sklearn.metrics import roc_auc_score, roc_curve
 from sklearn.utils import check_consistent_length
 
 from emacm.decisions.truths import label_list
 from emacm.displays import drawing
 from emacm.displays.drawing import Display
-from emacm.evaluation.novelty import UnknownEvaluation
 from emacm.evaluation.results import Evaluation
-
-
-@dataclass(eq=False, repr=False)
-class UnknownRocDisplay(Display):
-    """Fraction of unknown recordings that are flagged over that of known ones.
-
-    A recording is flagged if its typicality is at most a threshold; the curve is over all
-    thresholds, the marker at a typicality of 0.01.
-
-    Parameters
-    ----------
-    table : DataFrame
-        One row for each family left out of training and recording: "left_out" (name of the
-        family), "typicality" (0 to 1) and "is_unknown" (whether the recording is of this family).
-    intervals : DataFrame, optional
-        Rows named by the families; columns "auroc_low" and "auroc_high", for the legend.
-
-    Attributes
-    ----------
-    ax_, figure_
-        Axes and figure, set when the display is drawn.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> table = pd.DataFrame(
-    ...     {"left_out": "worn", "typicality": [0.6, 0.004, 0.1, 0.002],
-    ...      "is_unknown": [False, False, True, True]}
-    ... )
-    >>> UnknownRocDisplay(table).areas()
-    {'worn': 0.75}
-    """
-
-    table: pd.DataFrame
-    intervals: pd.DataFrame | None = None
-
-    @classmethod
-    def from_evaluation(cls, evaluation: UnknownEvaluation, *, ax: Any = None) -> UnknownRocDisplay:
-        """Draw the families of faults that an evaluation left out of training.
-
-        Parameters
-        ----------
-        evaluation : UnknownEvaluation
-            Result of `emacm.evaluation.novelty.evaluate_unknown`.
-        ax : matplotlib Axes, optional
-            Where to draw.
-
-        Returns
-        -------
-        UnknownRocDisplay
-        """
-        return cls(evaluation.predictions, evaluation.table).plot(ax=ax)
-
-    def areas(self) -> dict[str, float]:
-        """Return the area under the ROC curve of each family."""
-        return {
-            str(family): float(roc_auc_score(part["is_unknown"], -part["typicality"]))
-            for family, part in self.table.groupby("left_out", sort=False)
-        }
-
-    def frame(self) -> pd.DataFrame:
-        """Return the curves: "left_out", fractions "known_flagged", "unknown_flagged", threshold.
-
-        A recording is flagged if its typicality is at most the "threshold".
-        """
-        parts = []
-        for family, part in self.table.groupby("left_out", sort=False):
-            # Thresholds of scikit-learn start above all scores, which flags no recording.
-            known, unknown, scores = roc_curve(part["is_unknown"], -part["typicality"])
-            columns = {"known_flagged": known, "unknown_flagged": unknown}
-            levels = np.where(np.isfinite(scores), -scores, 0.0)
-            parts.append(pd.DataFrame({"left_out": family, **columns, "threshold": levels}))
-        return pd.concat(parts, ignore_index=True)
-
-    def _draw(self, ax: Any) -> Any:
-        (ax,) = drawing.panel_axes(ax, height=3.6)
-        ax.plot([0, 100], [0, 100], color="0.6", linestyle=(0, (1, 2)), linewidth=1)
-        areas = self.areas()
-        is_flagged = self.table["typicality"] <= 0.01
-        flagged = is_flagged.groupby([self.table["left_out"], self.table["is_unknown"]]).mean()
-        for number, (family, curve) in enumerate(self.frame().groupby("left_out"), 1):
-            style = drawing.line_style(number)
-            x, y = 100 * curve[["known_flagged", "unknown_flagged"]].to_numpy().T
-            label = f"{family}: AUROC {areas[str(family)]:.3f}"
-            if self.intervals is not None:
-                low, high = self.intervals.loc[family, ["auroc_low", "auroc_high"]]
-                label += "" if np.isnan(low) else f" ({low:.3f} to {high:.3f})"
-            ax.plot(x, y, label=label, linewidth=1.6, **style)
-            marker = drawing.style_of(drawing.MARKERS, number)
-            look = {"color": style["color"], "markeredgecolor": "black", "zorder": 3}
-            ax.plot(*100 * flagged[family], marker, **look)
-        text = "flagged at typicality ≤ 0.01"
-        ax.plot([], [], "o", color="white", markeredgecolor="black", label=text)
-        ax.set(xlim=(-2, 102), ylim=(-2, 102))
-        ax.grid(color="0.9", linewidth=0.6)
-        drawing.label_axes(ax, "known recordings flagged [%]", "unknown recordings flagged [%]")
-        drawing.legend_above(ax, title="family left out of training")
-        return ax
-
 
 # Rate: label, colour and marker.
 RATES = {

@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm._checks import first_non_number
-from emacm.files.file_columns import FileColumns, rates_of_columns, stated_rates, without_signal
+from emacm.files.file_columns import FileColumns, rates_of_columns, without_signal
 from emacm.files.layout import Layout, meta_from_name
 from emacm.files.readers import read_columns
 from emacm.recordings.names import is_time_name, printable, unit_factor, unit_in_name
@@ -128,7 +128,7 @@ def contents_of(path: Path) -> FileContents:
     try:
         rates = rates_of_columns(columns, Layout(), times)
     except ValueError as error:
-        rates, remarks = stated_rates(columns), [str(error)]
+        rates, remarks = rates_of_columns(columns, Layout(), None), [str(error)]
     shafts = columns.like_shaft()
     contents = FileContents(columns, rates, times, next(iter(shafts), None), {}, remarks)
     if contents.shaft is None:

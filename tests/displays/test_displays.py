@@ -32,7 +32,6 @@ from emacm.displays import (
     RecordingDisplay,
     RemainingLifeDisplay,
     TrendDisplay,
-    UnknownRocDisplay,
 )
 from emacm.displays.drawing import (
     COLOURS,
@@ -45,12 +44,6 @@ from emacm.envelopes.kurtogram import Kurtogram
 POINTS = np.array([[0.0, 0.0], [1.0, 2.0]])
 BINS = ["a@0-1", "a@1-2"]
 RATE = {f"inspection_rate{end}": [0.9] for end in ("", "_low", "_high")}
-TYPICALITY = pd.DataFrame(
-    {
-        "typicality": [0.5, 0.001],
-        "is_unknown": [False, True],
-    }
-)
 REMAINING = {"age": [0.0, 9.0], "stage": ["before onset", "damage"], "median": [50.0, 11.0]}
 ONE_OF_EACH = [
     AlarmDisplay([3.0, 4.0, 8.0], [0.5, 6.0, 5.5], 5.0),
@@ -77,7 +70,6 @@ ONE_OF_EACH = [
             alarm=[False, True]
         )
     ),
-    UnknownRocDisplay(TYPICALITY.assign(left_out="b")),
 ]
 NAMED = OutcomesDisplay | EvaluationDisplay  # what is drawn has names
 each = pytest.mark.parametrize("display", ONE_OF_EACH, ids=lambda d: type(d).__name__)
