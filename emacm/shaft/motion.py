@@ -99,7 +99,7 @@ class IntegratedAngle(LazySeries):
         known: list[NDArray[np.floating]] = [np.zeros(1)]
         at_once = 512 * _STRIDE
         for first in range(0, len(velocity), at_once):
-            angle = self._sums(first, first + at_once + 1, known[-1][-1:], at_once + 1)
+            angle = self._from(known[-1][-1], first, first + at_once + 1)
             known.append(angle[_STRIDE::_STRIDE].copy())
         self._known = np.concatenate(known)
 
@@ -111,12 +111,12 @@ class IntegratedAngle(LazySeries):
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return the angles `start` to `stop` (exclusive) [rad]."""
         first = start // _STRIDE
-        angle = self._sums(first * _STRIDE, stop, self._known[first:], _STRIDE)
-        return angle[start - first * _STRIDE :]
+        return self._from(self._known[first], first * _STRIDE, stop)[start - first * _STRIDE :]
 
-    def _sums(self, start: int, stop: int, starts: Any, stride: int) -> NDArray[np.floating]:
+    def _from(self, angle: float, start: int, stop: int) -> NDArray[np.floating]:
+        """Continue from the angle at a sample."""
         velocity = np.ascontiguousarray(self._velocity[start:stop])
-        return self._integrate(velocity, self._half_step, starts, stride)
+        return self._integrate(velocity, self._half_step, angle)
 
 
 class DifferentiatedVelocity(LazySeries):
