@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from emacm._version import __version__
-from emacm.commands.parsers import add_jobs, add_parsers
+from emacm.commands.parsers import add_jobs, add_parsers, adder
 
 _INTERRUPTED, _NO_READER = 130, 141  # exit codes, as of a shell
 
@@ -98,9 +98,9 @@ def _parser() -> argparse.ArgumentParser:
         "demo", help="search, decide, save, load and draw, on simulated recordings"
     )
     demo.set_defaults(run=_run_demo)
-    folder = "folder for the model and the picture (default: emacm_demo)"
-    demo.add_argument("--out", type=Path, default=Path("emacm_demo"), metavar="DIR", help=folder)
-    add_jobs(demo.add_argument, "tasks", default=2)
+    add, folder = adder(demo), "folder for the model and the picture (default: emacm_demo)"
+    add("--out", Path, "DIR", folder, default=Path("emacm_demo"))
+    add_jobs(add, "tasks", default=2)
     commands.add_parser(
         "reproduce",
         help="compute the published figures of the thesis again, and compare them",

@@ -24,7 +24,7 @@ from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.families import family_costs
 from emacm.decisions.metrics import neg_expected_cost
 from emacm.displays import DecisionRegionsDisplay, OrderSpectrumDisplay
-from emacm.displays._drawing import offscreen_panels
+from emacm.displays.drawing import offscreen_panels
 from emacm.evaluation.scoring import scoring_rule
 from emacm.machine.fault_orders import fault_orders
 from emacm.models.model_files import load_model, save_model

@@ -19,11 +19,6 @@ from emacm.alarms.control_charts import AlarmReadings as AlarmReadings
 from emacm.alarms.health_index import HealthIndex as HealthIndex
 from emacm.alarms.health_index import health_trend as health_trend
 from emacm.alarms.run_lengths import RunLength as RunLength
-from emacm.alarms.severity_zones import severity_zone as severity_zone
-from emacm.alarms.severity_zones import severity_zones as severity_zones
-from emacm.alarms.severity_zones import vibration_indicators as vibration_indicators
-from emacm.alarms.severity_zones import vibration_severity as vibration_severity
-from emacm.alarms.severity_zones import vibration_velocity as vibration_velocity
 from emacm.history.records import record_of as record_of
 from emacm.history.sqlite_history import History as History
 from emacm.life.prognostic_metrics import coverage_by_unit as coverage_by_unit
@@ -31,6 +26,11 @@ from emacm.life.prognostic_metrics import phm2012_lives as phm2012_lives
 from emacm.life.prognostic_metrics import phm2012_score as phm2012_score
 from emacm.life.remaining_life import MaintenanceCosts as MaintenanceCosts
 from emacm.life.remaining_life import RemainingLife as RemainingLife
+from emacm.machine.severity_zones import severity_zone as severity_zone
+from emacm.machine.severity_zones import severity_zones as severity_zones
+from emacm.machine.severity_zones import vibration_indicators as vibration_indicators
+from emacm.machine.severity_zones import vibration_severity as vibration_severity
+from emacm.machine.severity_zones import vibration_velocity as vibration_velocity
 from emacm.streams.order_monitor import OrderMonitor as OrderMonitor
 from emacm.streams.streamed_models import Reading as Reading
 

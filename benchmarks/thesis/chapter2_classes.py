@@ -12,7 +12,7 @@ from sklearn.decomposition import PCA
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.displays import DecisionRegionsDisplay, FeatureDensityDisplay
-from emacm.displays._drawing import label_axes, legend_above, line_style, offscreen_panels
+from emacm.displays.drawing import label_axes, legend_above, line_style, offscreen_panels
 from findings import Chapter
 
 _HEALTHY = ([1, 10, 5, 4], [0.01, 0.01, 0.01, 0.01])  # Eq. (2.33): means and variances

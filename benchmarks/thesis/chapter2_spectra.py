@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm.displays import RecordingDisplay
-from emacm.displays._drawing import COLOURS, PLAIN, label_axes, legend_above, offscreen_panels
+from emacm.displays.drawing import COLOURS, PLAIN, label_axes, legend_above, offscreen_panels
 from emacm.orders.order_psd import OrderPSD
 from emacm.orders.welch import order_psd
 from emacm.recordings.recording import Recording

@@ -20,7 +20,7 @@ from emacm.displays import (
     OrderSpectrumDisplay,
     RecordingDisplay,
 )
-from emacm.displays._drawing import legend_above, line_style, offscreen_panels, state_numbers
+from emacm.displays.drawing import legend_above, line_style, offscreen_panels, state_numbers
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
 from emacm.simulation.chapter3 import CHAPTER3_ORDERS, chapter3_recording, chapter3_recordings

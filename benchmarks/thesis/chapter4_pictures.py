@@ -10,7 +10,7 @@ from scipy.ndimage import uniform_filter1d
 
 from chapter4_spectra import REVOLUTIONS, SIGNALS, UNITS, Campaign
 from chapter4_study import SCHEMES, Model, Study
-from emacm.displays._drawing import offscreen_panels
+from emacm.displays.drawing import offscreen_panels
 from emacm.displays.evaluation import OutcomesDisplay
 from emacm.displays.planes import DecisionRegionsDisplay
 from emacm.displays.power import OrderBinsDisplay, OrderSpectrumDisplay

@@ -42,28 +42,12 @@ def compiled_exactly(function: Any) -> Any:
 
 
 @compiled_exactly
-def integrate(velocity, half_step, starts, stride):
+def integrate(velocity, half_step, start):
     angle = np.empty(len(velocity))
+    angle[0] = total = start
     for i in range(1, len(velocity)):
-        angle[i] = (np.float64(velocity[i - 1]) + np.float64(velocity[i])) * half_step
-    in_fours = len(velocity) // stride // 4 * 4
-    for k in range(0, in_fours, 4):  # four sums at a time: an addition waits for the one before it
-        p, q, r, s = k * stride, (k + 1) * stride, (k + 2) * stride, (k + 3) * stride
-        one, two, three, four = angle[p:q], angle[q:r], angle[r:s], angle[s : s + stride]
-        t0, t1, t2, t3 = starts[k], starts[k + 1], starts[k + 2], starts[k + 3]
-        one[0], two[0], three[0], four[0] = t0, t1, t2, t3
-        for i in range(1, stride):
-            t0 += one[i]
-            t1 += two[i]
-            t2 += three[i]
-            t3 += four[i]
-            one[i], two[i], three[i], four[i] = t0, t1, t2, t3
-    for first in range(in_fours * stride, len(velocity), stride):
-        total = starts[first // stride]
-        angle[first] = total
-        for i in range(first + 1, min(first + stride, len(velocity))):
-            total += angle[i]
-            angle[i] = total
+        total += (np.float64(velocity[i - 1]) + np.float64(velocity[i])) * half_step
+        angle[i] = total
     return angle
 
 
@@ -150,58 +134,39 @@ def _set_weights(near, scale, offset, kernel, n_points, weights, cells):
 
 
 @compiled
-def _spread_two(signals, means, weights, cells, rows):
-    x_s, x_t = signals
-    mean_s, mean_t = means
-    row_s, row_t = rows
+def _spread(signal, mean, weights, cells, row):
     w0, w1, w2, w3 = weights
     s0 = s1 = s2 = s3 = 0.0
-    t0 = t1 = t2 = t3 = 0.0
     cell = cells[0]
     for i in range(len(cells)):
         if cells[i] != cell:  # what is complete leaves the registers
-            row_s[cell] += s0
-            row_t[cell] += t0
+            row[cell] += s0
             if cells[i] == cell + 1:
                 s0, s1, s2, s3 = s1, s2, s3, 0.0
-                t0, t1, t2, t3 = t1, t2, t3, 0.0
             else:
-                _add_three(row_s, cell, s1, s2, s3)
-                _add_three(row_t, cell, t1, t2, t3)
+                row[cell + 1] += s1
+                row[cell + 2] += s2
+                row[cell + 3] += s3
                 s0 = s1 = s2 = s3 = 0.0
-                t0 = t1 = t2 = t3 = 0.0
             cell = cells[i]
-        value = x_s[i] - mean_s
+        value = signal[i] - mean
         s0 += value * w0[i]
         s1 += value * w1[i]
         s2 += value * w2[i]
         s3 += value * w3[i]
-        value = x_t[i] - mean_t
-        t0 += value * w0[i]
-        t1 += value * w1[i]
-        t2 += value * w2[i]
-        t3 += value * w3[i]
-    row_s[cell] += s0
-    row_t[cell] += t0
-    _add_three(row_s, cell, s1, s2, s3)
-    _add_three(row_t, cell, t1, t2, t3)
-
-
-@compiled
-def _add_three(row, cell, one, two, three):
-    row[cell + 1] += one
-    row[cell + 2] += two
-    row[cell + 3] += three
+    row[cell] += s0
+    row[cell + 1] += s1
+    row[cell + 2] += s2
+    row[cell + 3] += s3
 
 
 @compiled
 def _resample(near, place, kernel, x, means, grid, parts, lowpass, made):
     (scale, offset), (part, n_points, ready), (outputs, done) = place, parts, made
-    n_times, n_rows = len(near) - 2, len(grid)
+    n_times = len(near) - 2
     weights = np.empty((4, WEIGHTS_AT_ONCE))
     w = weights[0], weights[1], weights[2], weights[3]
     cells = np.empty(WEIGHTS_AT_ONCE, np.uint32)
-    spare = np.zeros(grid.shape[1] if n_rows % 2 else 0)  # beside a row that is left over
     for number in range(len(n_points)):
         used, n_outputs = n_points[number], ready[number]
         stop = min((number + 1) * part, n_times)
@@ -209,11 +174,8 @@ def _resample(near, place, kernel, x, means, grid, parts, lowpass, made):
             end = min(low + WEIGHTS_AT_ONCE, stop)
             some = cells[: end - low]
             _set_weights(near[low : end + 2], scale, offset, kernel, used, w, some)
-            for k in range(0, n_rows, 2):  # in pairs: an addition waits for the one before it
-                paired = k + 1 < n_rows
-                pair = grid[k], grid[k + 1] if paired else spare
-                two_means = means[k], means[k + 1] if paired else 0.0
-                _spread_two((x[k][low:end], x[k + 1][low:end]), two_means, w, some, pair)
+            for k in range(len(grid)):
+                _spread(x[k][low:end], means[k], w, some, grid[k])
         if n_outputs:
             decimate(grid, used, lowpass, means, (outputs, done), n_outputs)
             done += n_outputs

@@ -21,8 +21,8 @@ SPREAD_AT_ONCE = INTERPOLATED_AT_ONCE = 1 << 15  # samples
 SEGMENT_BYTES = 1 << 19  # of segments that are transformed
 
 
-def integrate(velocity: Array, half_step: float, starts: Array, stride: int) -> Array:
-    """Integrate a velocity by the trapezoidal rule, section by section, in float64.
+def integrate(velocity: Array, half_step: float, start: float) -> Array:
+    """Integrate a velocity by the trapezoidal rule, in float64.
 
     Parameters
     ----------
@@ -30,20 +30,17 @@ def integrate(velocity: Array, half_step: float, starts: Array, stride: int) -> 
         Velocity [rad/s]; contiguous and read-only, so that one kind of array is compiled for.
     half_step : float
         Half a sampling interval [s].
-    starts : ndarray of shape (n_sections,)
-        Angle at the first sample of each section [rad]; the integral over the sections before has
-        the same value.
-    stride : int
-        Samples of a section; the last section may be shorter.
+    start : float
+        Angle at the first sample [rad].
 
     Returns
     -------
     ndarray of shape (n_times,)
-        Angle [rad], accumulated sample by sample, so that it equals a cumulative sum over the whole
-        velocity bit for bit.
+        Angle [rad], accumulated sample by sample, so that a part of it equals a cumulative sum over
+        the whole velocity bit for bit.
     """
     speed, angle = velocity.astype(np.float64), np.empty(len(velocity))
-    angle[0] = starts[0]
+    angle[0] = start
     np.add(speed[1:], speed[:-1], out=angle[1:])
     angle[1:] *= half_step
     return np.cumsum(angle, out=angle)

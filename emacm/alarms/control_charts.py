@@ -19,7 +19,7 @@ from emacm.alarms.run_lengths import (
     limit_for,
     stated_run_length,
 )
-from emacm.alarms.stationarity import BaselineTests, trend_probability
+from emacm.alarms.stationarity import trend_probability
 
 Array = NDArray[np.float64]
 
@@ -175,16 +175,14 @@ class _Chart(SavedEstimator):
         check_finite_readings(X, self)
         return X
 
-    def _limit(
-        self, *, default_arl: float = 500.0, largest: float = 100.0, longest: float = 1e9
-    ) -> float:
-        """Return the limit: given, or from the average run length, which is at most `longest`."""
+    def _limit(self) -> float:
+        """Return the limit: given, or from the average run length."""
         limit, arl = self.limit, self.__dict__["arl"]
         if limit is not None and arl is not None:
             raise ValueError(f"give limit or arl, got both: limit={limit!r}, arl={arl!r}.")
         if limit is not None:
-            return check_number(limit, "limit", above=0, at_most=largest)
-        arl = check_number(default_arl if arl is None else arl, "arl", above=1, at_most=longest)
+            return check_number(limit, "limit", above=0, at_most=100)
+        arl = check_number(500.0 if arl is None else arl, "arl", above=1, at_most=1e9)
         return limit_for(lambda x: self._run_length(x, 0.0), arl, type(self).__name__)
 
     def _average_run_length(self, shift: float = 0.0) -> float:
@@ -323,15 +321,18 @@ class CUSUM(_Chart):
 
 
 def _warn_of_drift(X: Array, parts: NDArray[np.intp]) -> None:
-    """Warn if a column of a baseline has a trend beyond its autocorrelation."""
-    tests = BaselineTests()
-    found = np.array([trend_probability(column, parts) for column in X.T])
-    column = int(np.argmin(found))
-    if len(X) >= tests.fewest and found[column] < tests.level / X.shape[1]:
+    """Warn if a column of a baseline has a trend beyond its autocorrelation.
+
+    1 % of baselines without a trend have a warning.
+    """
+    probabilities = np.array([trend_probability(column, parts) for column in X.T])
+    column = int(np.argmin(probabilities))
+    if len(X) >= 10 and probabilities[column] < 0.01 / X.shape[1]:
         warn(
             "drift",
             f"the baseline drifts in column {column} (modified Mann-Kendall test, p = "
-            f"{found[column]:.2g}): its mean is not that of the readings to come. Take it after "
-            f"the machine has run in; if the rows are not in the order of measurement, sort them.",
+            f"{probabilities[column]:.2g}): its mean is not that of the readings to come. Take it "
+            f"after the machine has run in; if the rows are not in the order of measurement, sort "
+            f"them.",
             stacklevel=3,
         )

@@ -396,55 +396,55 @@ class _Baselines:
     total: Array
 
     @classmethod
-    def of(cls, X: Array, units: pd.Series | None, *, min_baseline: int = 5) -> _Baselines:
+    def of(cls, X: Array, units: pd.Series | None) -> _Baselines:
         """Estimate the baselines of healthy recordings."""
         codes, names = pd.factorize(np.arange(len(X)) if units is None else units)
         counts = np.bincount(codes)
         means = pd.DataFrame(X).groupby(codes).mean().to_numpy()
         mean = means.mean(axis=0)
-        own = {
+        baselines = {
             name: (means[k], int(counts[k]))
             for k, name in enumerate(names.tolist())
-            if counts[k] >= min_baseline
+            if counts[k] >= 5  # as in the docstring of HealthIndex
         }
-        within = _factor(X - means[codes], X, len(X) - len(names))
-        return cls(own, mean, len(names), within, _factor(X - mean, X, len(X) - 1))
+        within = _inverse_root(X - means[codes], X, len(X) - len(names))
+        return cls(baselines, mean, len(names), within, _inverse_root(X - mean, X, len(X) - 1))
 
     def distances(self, X: Array, units: pd.Series | None) -> Array:
         """Return the distance of each row per feature, shape (n_recordings,)."""
-        found = _distances(X, self.mean, self.total, self.n_units)
+        distances = _distances(X, self.mean, self.total, self.n_units)
         if units is None:
-            return found
+            return distances
         codes, names = pd.factorize(units)
         for k, unit in enumerate(names):
             if unit in self.means:
                 mean, count = self.means[unit]
-                found[codes == k] = _distances(X[codes == k], mean, self.within, count)
-        return found
+                distances[codes == k] = _distances(X[codes == k], mean, self.within, count)
+        return distances
 
 
-def _distances(X: Array, mean: Array, factor: Array, count: int) -> Array:
+def _distances(X: Array, mean: Array, inverse_root: Array, count: int) -> Array:
     """Return distances per feature from a mean of `count` values."""
-    squares = np.sum(((X - mean) @ factor) ** 2, axis=1)
-    n_used = max(np.count_nonzero(factor.any(axis=1)), 1)
+    squares = np.sum(((X - mean) @ inverse_root) ** 2, axis=1)
+    n_used = max(np.count_nonzero(inverse_root.any(axis=1)), 1)
     # A baseline of few recordings is itself uncertain.
     return np.sqrt(squares / n_used / (1 + 1 / count))
 
 
-def _factor(residuals: Array, X: Array, divisor: int) -> Array:
+def _inverse_root(residuals: Array, X: Array, divisor: int) -> Array:
     """Return P with P P' = inverse of the shrunk covariance of residuals; 0 for constant ones."""
     count, width = residuals.shape
     scale = np.sqrt(np.sum(residuals**2, axis=0) / max(divisor, 1))
     used = scale > 1e-12 * np.abs(X).max(axis=0)
-    factor = np.zeros((width, width))
+    inverse_root = np.zeros((width, width))
     if divisor < 1 or not used.any():
-        return factor
+        return inverse_root
     white = residuals[:, used] / scale[used]
     covariance = LedoitWolf(assume_centered=True).fit(white).covariance_ * count / divisor
     values, vectors = np.linalg.eigh(covariance)
     root = vectors / np.sqrt(np.maximum(values, 1e-9 * values[-1]))
-    factor[np.ix_(used, used)] = root / scale[used][:, np.newaxis]
-    return factor
+    inverse_root[np.ix_(used, used)] = root / scale[used][:, np.newaxis]
+    return inverse_root
 
 
 def _left_out_indices(

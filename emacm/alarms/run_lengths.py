@@ -16,7 +16,6 @@ References
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from itertools import chain, islice
 from typing import NamedTuple
 
@@ -29,47 +28,6 @@ from scipy.stats import chi2, norm
 from emacm.alarms.stationarity import lag_correlation
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Bootstrap:
-    """Settings of the simulation behind a stated run length.
-
-    They were compared on simulated machines (see `stated_run_length`;
-    ``python -m pytest -m slow tests/alarms`` repeats the comparison).
-
-    Parameters
-    ----------
-    n_baselines : int
-        Simulated baselines.
-    fewest_steps, most_steps : int
-        Readings simulated after each baseline.
-    fewest_readings, fewest_groups : int
-        With fewer, the correlation is too uncertain, and only the nominal value is stated.
-    fewest_alarms : int
-        With fewer simulated alarms, the run length is stated as a lower limit.
-    largest_correlation : float
-        Limit of the estimated correlation.
-    caution : float
-        Standard errors that are added to the correlation, so that no length is stated on average
-        that exceeds the one of a known baseline.
-    width : float
-        Standard deviations from the middle of the interval to its ends, on a logarithmic scale:
-        the least of which 90 % of the intervals contain the run length in all cases.
-    settling : int
-        Steps until the autoregression has forgotten its start.
-    """
-
-    n_baselines: int = 500
-    fewest_steps: int = 500
-    most_steps: int = 4000
-    fewest_readings: int = 50
-    fewest_groups: int = 5
-    fewest_alarms: int = 25
-    largest_correlation: float = 0.98
-    caution: float = 0.5
-    width: float = 2.3
-    settling: int = 50
 
 
 class RunLength(NamedTuple):
@@ -167,25 +125,26 @@ def stated_run_length(
       (EWMA, 200 readings, correlations of 0, 0.2 and 0.5), as the logarithm of the run length is
       about nine times as sensitive as the standard deviation is.
     """
-    settings = Bootstrap()
     n_readings, n_groups = len(baseline), int(groups.max()) + 1
-    process = _Process(baseline, groups, settings)
+    process = _Process(baseline, groups)
     correlation = float(process.correlations.max())
     size = (correlation, n_readings, n_groups)
-    # Successive readings of a group state the correlation; each group has one reading without.
-    few = n_readings - n_groups < settings.fewest_readings - 1
-    if few or 1 < n_groups < settings.fewest_groups:
+    # Of fewer than 50 readings or 5 groups, the correlation is too uncertain. Successive readings
+    # of a group state it; each group has one reading without.
+    if n_readings - n_groups < 49 or 1 < n_groups < 5:
         return RunLength(nominal, nominal, "nominal", *size, (0.0, np.inf))
-    n_steps = int(np.clip(2 * nominal, settings.fewest_steps, settings.most_steps))
+    n_steps = int(np.clip(2 * nominal, 500, 4000))
     counts = process.false_alarms(advance, limit, n_steps)
     mean, n_alarms = counts.mean(), counts.sum()
-    if n_alarms < settings.fewest_alarms:
+    if n_alarms < 25:
         most = chi2.ppf(0.95, 2 * n_alarms + 2) / 2  # upper limit of a Poisson mean
         least = min(n_steps * len(counts) / most, nominal)
         return RunLength(nominal, least, "at least", *size, (least, np.inf))
     # Alarm rates are log-normal over machines; beyond them, counts scatter as Poisson numbers.
     variance = np.log1p(max(counts.var(ddof=1) - mean, 0.0) / mean**2)
-    ends = np.array([-1, 1]) * settings.width * np.sqrt(variance)
+    # 2.3 standard deviations: the least of which 90 % of the intervals contain the run length in
+    # all cases (see Notes; ``python -m pytest -m slow tests/alarms`` repeats the comparison).
+    ends = np.array([-2.3, 2.3]) * np.sqrt(variance)
     low, high = np.exp(variance / 2 + ends) * n_steps / mean
     stated = min(n_steps / mean, nominal)
     return RunLength(nominal, stated, "bootstrap", *size, (float(low), float(high)))
@@ -198,8 +157,7 @@ class _Process:
     lengths are very sensitive; with blocks of residuals it is kept.
     """
 
-    def __init__(self, baseline: Array, groups: NDArray[np.intp], settings: Bootstrap) -> None:
-        self._settings = settings
+    def __init__(self, baseline: Array, groups: NDArray[np.intp]) -> None:
         self._lengths = np.bincount(groups)
         n_groups = len(self._lengths)
         means = np.array([baseline[groups == g].mean(axis=0) for g in range(n_groups)])
@@ -209,8 +167,7 @@ class _Process:
         self._offsets = (means - grand) * inflation
         centred = baseline - means[groups]
         follows = np.flatnonzero(groups[1:] == groups[:-1]) + 1
-        largest = settings.largest_correlation
-        self.correlations = np.clip(lag_correlation(centred, groups), -largest, largest)
+        self.correlations = np.clip(lag_correlation(centred, groups), -0.98, 0.98)
         residuals = centred[follows] - self.correlations * centred[follows - 1]
         lost = 2 * n_groups  # degrees of freedom: mean and first reading of each group
         factor = np.sqrt(len(residuals) / max(len(residuals) - lost / 2, 1))
@@ -225,9 +182,11 @@ class _Process:
         Each machine has its own correlation, from what the baseline tells of it, and at least 0.
         """
         self._rng = np.random.default_rng(0)
-        shape = (self._settings.n_baselines, len(self.correlations))
+        shape = (500, len(self.correlations))
         uncertainty = 1 / np.sqrt(self._lengths.sum() * (1 - self.correlations**2))
-        errors = uncertainty * self._rng.normal(self._settings.caution, 1.0, shape)
+        # Half a standard error of caution, so that no length is stated on average that exceeds the
+        # one of a known baseline.
+        errors = uncertainty * self._rng.normal(0.5, 1.0, shape)
         self._simulated = np.maximum(np.tanh(np.arctanh(self.correlations) + errors), 0.0)
         n_blocks = len(self._residuals) - self._block + 1
         self._rows = self._drawn_rows(self._rng.integers(n_blocks, size=(shape[0], n_blocks)))
@@ -254,24 +213,21 @@ class _Process:
 
     def _group(self) -> Iterator[Array]:
         """Yield the readings of each machine in a new group, whose autoregression has settled."""
-        chosen = self._rng.integers(len(self._offsets), size=self._settings.n_baselines)
-        offset = self._offsets[chosen]
+        group = self._rng.integers(len(self._offsets), size=len(self._simulated))
+        offset = self._offsets[group]
         deviation = np.zeros_like(offset)
         for step, rows in enumerate(self._rows):
             deviation = self._simulated * deviation + self._residuals[rows]
-            if step >= self._settings.settling:
+            if step >= 50:
                 yield offset + deviation
 
     def _drawn_rows(self, starts: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
         """Yield the next residual of each machine, in blocks of successive ones of its resample."""
         n_machines, n_blocks = starts.shape
         while True:
-            chosen = self._rng.integers(n_blocks, size=n_machines)
-            first = starts[np.arange(n_machines), chosen]
+            block = self._rng.integers(n_blocks, size=n_machines)
+            first = starts[np.arange(n_machines), block]
             yield from (first + k for k in range(self._block))
-
-
-_LONGEST = 1e12  # readings; above, the equations are singular in double precision
 
 
 def ewma_run_length(weight: float, limit: float, shift: float = 0.0) -> float:
@@ -358,14 +314,12 @@ def limit_for(run_length: Callable[[float], float], arl: float, what: str) -> fl
         )
     while run_length(high) < arl:
         high *= 1.5
-    return float(brentq(lambda x: np.log(min(run_length(x), _LONGEST) / arl), low, high, xtol=1e-9))
+    return float(brentq(lambda x: np.log(min(run_length(x), 1e12) / arl), low, high, xtol=1e-9))
 
 
-def _nodes(
-    low: float, high: float, width: float, *, least: int = 40, per_width: int = 4, most: int = 2000
-) -> tuple[Array, Array]:
+def _nodes(low: float, high: float, width: float) -> tuple[Array, Array]:
     """Return Gauss-Legendre nodes and weights; the error of the quadrature is below 1e-6."""
-    nodes, weights = leggauss(min(least + int(per_width * (high - low) / width), most))
+    nodes, weights = leggauss(min(40 + int(4 * (high - low) / width), 2000))
     half = (high - low) / 2
     return low + half * (nodes + 1), half * weights
 
@@ -385,5 +339,5 @@ def _mean_length(kernel: Array, at_start: Array) -> float:
         length = np.linalg.solve(np.eye(len(moves)) - moves, np.ones(len(moves)))[-1]
     except np.linalg.LinAlgError:  # no alarm within double precision
         return np.inf
-    # The probability of an alarm may be lost in rounding.
-    return float(length) if 0 < length < _LONGEST else np.inf
+    # The probability of an alarm may be lost in rounding: above, the equations are singular.
+    return float(length) if 0 < length < 1e12 else np.inf

@@ -11,8 +11,6 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -22,30 +20,7 @@ from scipy.stats import kendalltau, norm, rankdata
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class BaselineTests:
-    """Settings of the tests of a baseline.
-
-    Parameters
-    ----------
-    level : float
-        Share of sound baselines that are called not stationary, all tests together.
-    fewest : int
-        With fewer readings or groups there is no test.
-    least_correlation : float
-        Smaller correlations of successive readings are not stated, as they hardly change the
-        alarm rate: at 0.2, simulated indices exceed limits of 5 % in 4 to 6 % of cases.
-    n_permutations : int
-        Number of random orders of the readings.
-    """
-
-    level: float = 0.01
-    fewest: int = 10
-    least_correlation: float = 0.2
-    n_permutations: int = 999
-
-
-def trend_probability(series: Array, parts: NDArray[np.intp], *, largest: float = 0.98) -> float:
+def trend_probability(series: Array, parts: NDArray[np.intp]) -> float:
     """Return the p-value of the modified Mann-Kendall test for a common trend [1]_.
 
     Parameters
@@ -54,9 +29,6 @@ def trend_probability(series: Array, parts: NDArray[np.intp], *, largest: float 
         In the order in which they were taken within each part.
     parts : ndarray of int, shape (n_readings,)
         Number of the part (unit, run) of each reading. Parts of less than 4 readings do not count.
-    largest : float
-        Limit of the correlation of successive readings, which is estimated after a linear trend
-        has been removed, with the correction of its bias [3]_.
 
     Returns
     -------
@@ -65,6 +37,9 @@ def trend_probability(series: Array, parts: NDArray[np.intp], *, largest: float 
 
     Notes
     -----
+    The correlation of successive readings is estimated after a linear trend has been removed, with
+    the correction of its bias [3]_; it is at most 0.98.
+
     Of 1,000 simulated autoregressive series without trend, the share with p < 0.01 is, for
     correlations of successive readings of 0, 0.3, 0.6 and 0.8,
 
@@ -92,7 +67,7 @@ def trend_probability(series: Array, parts: NDArray[np.intp], *, largest: float 
     # An exact trend leaves rounding errors, which are no correlation.
     ranks = np.concatenate([detrend(rankdata(run)).round(9) for run in runs])
     numbers = np.repeat(np.arange(len(runs)), lengths)
-    correlation = np.clip(lag_correlation(ranks[:, np.newaxis], numbers, lost=4)[0], 0, largest)
+    correlation = np.clip(lag_correlation(ranks[:, np.newaxis], numbers, lost=4)[0], 0, 0.98)
     taus = [kendalltau(np.arange(len(run)), run).statistic for run in runs]
     score = sum(tau * n * (n - 1) / 2 for tau, n in zip(taus, lengths, strict=True))
     variance = sum(_variance(n, correlation) for n in lengths)
@@ -130,9 +105,7 @@ def _variance(n: int, correlation: float) -> float:
     return float(factor * n * (n - 1) * (2 * n + 5) / 18)
 
 
-def serial_correlation(
-    rows: Array, parts: NDArray[np.intp], n_permutations: int = 999
-) -> tuple[float, float]:
+def serial_correlation(rows: Array, parts: NDArray[np.intp]) -> tuple[float, float]:
     """Return the correlation of successive rows, over all columns, and its p-value [2]_.
 
     Parameters
@@ -141,15 +114,14 @@ def serial_correlation(
         In the order in which they were taken within each part; columns in comparable units.
     parts : ndarray of int, shape (n_readings,)
         Number of the part (unit, run) of each reading, from 0 and in increasing order.
-    n_permutations : int
-        Number of random orders within the parts.
 
     Returns
     -------
     correlation : float
         Of successive rows, from the means of the parts, with the correction of its bias [3]_.
     probability : float
-        Share of the orders with a larger one: exact for rows that are exchangeable in each part.
+        Share of 999 random orders within the parts that have a larger one: exact for rows that are
+        exchangeable in each part.
 
     Examples
     --------
@@ -161,9 +133,9 @@ def serial_correlation(
     centred, rng, n_rows = _centred(rows, parts), np.random.default_rng(0), len(rows)
     weights = np.sum(centred**2, axis=0) / np.sum(centred**2)
     observed = weights @ lag_correlation(centred, parts)
-    orders = (np.lexsort((rng.random(n_rows), parts)) for _ in range(n_permutations))
+    orders = (np.lexsort((rng.random(n_rows), parts)) for _ in range(999))
     n_larger = sum(bool(weights @ lag_correlation(centred[x], parts) >= observed) for x in orders)
-    return float(observed), (1 + n_larger) / (1 + n_permutations)
+    return float(observed), (1 + n_larger) / 1000
 
 
 def _centred(rows: Array, parts: NDArray[np.intp]) -> Array:
@@ -174,6 +146,10 @@ def _centred(rows: Array, parts: NDArray[np.intp]) -> Array:
 
 def instability(features: Array, parts: NDArray[np.intp]) -> str:
     """Say why healthy rows are not exchangeable; an empty string if nothing contradicts it.
+
+    1 % of sound baselines are called not exchangeable, both tests together. Correlations below 0.2
+    hardly change the alarm rate: at 0.2, simulated indices exceed limits of 5 % in 4 to 6 % of
+    cases. Fewer than ten rows are not tested.
 
     Parameters
     ----------
@@ -186,8 +162,7 @@ def instability(features: Array, parts: NDArray[np.intp]) -> str:
     -------
     str
     """
-    tests = BaselineTests()
-    if len(parts) < tests.fewest:
+    if len(parts) < 10:
         return ""
     deviations = _centred(features, parts)
     scale = deviations.std(axis=0)
@@ -195,9 +170,9 @@ def instability(features: Array, parts: NDArray[np.intp]) -> str:
     standardised = deviations / scale
     leading = np.linalg.svd(standardised, full_matrices=False)[0][:, 0]
     trend = trend_probability(leading, parts)
-    if trend < tests.level / 2:
+    if trend < 0.005:
         return f"the features drift (Mann-Kendall test of their leading component, p = {trend:.2g})"
-    correlation, probability = serial_correlation(standardised, parts, tests.n_permutations)
-    if probability <= tests.level / 2 and correlation >= tests.least_correlation:
+    correlation, probability = serial_correlation(standardised, parts)
+    if probability <= 0.005 and correlation >= 0.2:
         return f"successive groups are alike (correlation {correlation:.2f}, p = {probability:.2g})"
     return ""

@@ -184,15 +184,7 @@ class StudentTail:
         return np.maximum(found, np.finfo(np.float64).tiny)  # however far it is
 
 
-def student_tail(
-    values: Array,
-    weight: Array,
-    expected: float | None = None,
-    *,
-    n_expected: float = 20.0,
-    share: float = 0.2,
-    usual_excess: float = 0.7,
-) -> StudentTail:
+def student_tail(values: Array, weight: Array, expected: float | None = None) -> StudentTail:
     """Fit a tail to the largest fifth of some values.
 
     Of a normal distribution the mean excess over the upper fifth is 0.56 standard deviations, of an
@@ -205,14 +197,8 @@ def student_tail(
     weight : ndarray of shape (n_values,)
         Number of times each value is counted, positive.
     expected : float, default=None
-        Mean excess that is expected before any value is seen. None: `usual_excess` standard
-        deviations of the values.
-    n_expected : float, default=20.0
-        Number of peaks that the expected mean excess counts as.
-    share : float, default=0.2
-        Fraction of the values that the tail describes.
-    usual_excess : float, default=0.7
-        See `expected`.
+        Mean excess that is expected before any value is seen. None: 0.7 standard deviations of
+        the values. It counts as 20 peaks.
 
     Returns
     -------
@@ -231,9 +217,10 @@ def student_tail(
     weight_from = np.append(np.cumsum(weight[::-1])[::-1], 0.0)
     if expected is None:
         spread = values - np.average(values, weights=weight)
-        expected = usual_excess * float(np.sqrt(np.average(spread**2, weights=weight)))
-    peaks = peaks_over_threshold(values, weight, expected, n_expected, share)
-    return StudentTail(values, weight_from, peaks, share, n_expected)
+        expected = 0.7 * float(np.sqrt(np.average(spread**2, weights=weight)))
+    n_expected = 20.0
+    peaks = peaks_over_threshold(values, weight, expected, n_expected)
+    return StudentTail(values, weight_from, peaks, 0.2, n_expected)
 
 
 def peaks_over_threshold(

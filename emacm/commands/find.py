@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from emacm._saved import written_whole
-from emacm.commands.inspect import contents_of, draft_layout
+from emacm.files.drafts import contents_of, draft_layout
 from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.machine.rolling import bearing_of
@@ -120,7 +120,7 @@ def _draw(
 ) -> None:
     """Draw the spectrum of a channel in which a fault is named or suspected."""
     from emacm.displays import FaultLinesDisplay
-    from emacm.displays._drawing import pyplot
+    from emacm.displays.drawing import pyplot
 
     folder.mkdir(parents=True, exist_ok=True)
     display = FaultLinesDisplay.from_recording(recording, parts, channel=row["channel"])

@@ -3,114 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import json
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pandas as pd
-from numpy.typing import NDArray
 
-from emacm._checks import first_non_number, located
+from emacm._checks import located
 from emacm._saved import written_whole
-from emacm.files.file_columns import (
-    FileColumns,
-    rates_of_columns,
-    stated_rates,
-    without_signal,
+from emacm.files.drafts import (
+    FileContents,
+    contents_of,
+    contents_table,
+    draft_layout,
+    files_table,
 )
 from emacm.files.folder import recording_files
-from emacm.files.layout import Layout, meta_from_name
-from emacm.files.readers import read_columns
-from emacm.recordings.names import is_time_name, printable, unit_factor, unit_in_name
-
-_ANGLES = ("angle", "theta", "encoder", "winkel")
-
-
-@dataclass
-class Contents:
-    """What was found in a file.
-
-    Attributes
-    ----------
-    columns : FileColumns
-        Its columns.
-    rates : dict of str to float
-        Sampling rates that the file states, or its column of times [Hz].
-    times, shaft : str or None
-        Columns that are named like times and like the motion of the shaft, or is a tachometer.
-    unused : dict of str to str
-        Columns that are neither times, shaft nor channels, and why.
-    remarks : list of str
-        What must be stated in a layout, besides the shaft.
-    n_pulses : int
-        Number of whole pulses in the shaft column, if it was found by these.
-    """
-
-    columns: FileColumns
-    rates: dict[str, float]
-    times: str | None
-    shaft: str | None
-    unused: dict[str, str]
-    remarks: list[str]
-    n_pulses: int = 0
-
-    @property
-    def kind(self) -> str:
-        """What the shaft column is by its name, or its pulses: velocity, angle or tacho."""
-        words = (self.shaft or "").lower()
-        if self.n_pulses or "tach" in words or "keyphasor" in words:
-            return "tacho"
-        return "angle" if any(word in words for word in _ANGLES) else "velocity"
-
-    @property
-    def shaft_unit(self) -> str:
-        """Unit of the shaft column, from the file or from its name; "" if it is not known."""
-        for unit in (self.columns.units.get(self.shaft or "", ""), unit_in_name(self.shaft or "")):
-            with suppress(KeyError, ValueError):  # a tachometer, or another unit
-                unit_factor(unit, self.kind)
-                return unit
-        return ""
-
-    @property
-    def of_shaft(self) -> str:
-        """What must be stated of the shaft; "" if nothing."""
-        if self.n_pulses:
-            return f"pulses_per_rev of tacho: {self.shaft!r} has {self.n_pulses} pulses"
-        if self.shaft is None:
-            return "velocity, angle or tacho: no column is named like the motion of the shaft"
-        return "" if self.kind == "tacho" or self.shaft_unit else f"the unit of {self.shaft!r}"
-
-    @property
-    def open(self) -> list[str]:
-        """All that must be stated."""
-        return [*filter(None, (self.of_shaft, *self.remarks))]
-
-    @property
-    def channels(self) -> list[str]:
-        """The other columns."""
-        others = {self.times, self.shaft, *self.unused}
-        return [name for name in self.columns.columns if name not in others]
-
-    @property
-    def missing_rates(self) -> dict[str, float]:
-        """Proposed rates of the columns without one, for which all columns last equally long."""
-        columns = self.columns.columns.items()
-        used = {*self.channels, self.shaft}
-        lengths = {name: len(values) for name, values in columns if name in used}
-        known = [n / self.rates[name] for name, n in lengths.items() if name in self.rates]
-        duration = known[0] if known else max(lengths.values(), default=0) / 12_000
-        missing = {name: n for name, n in lengths.items() if name not in self.rates}
-        return {name: float(f"{n / duration:.6g}") for name, n in missing.items()}
-
-    @property
-    def numbers(self) -> dict[str, NDArray[Any]]:
-        """The columns of numbers."""
-        columns = self.columns.columns
-        return {name: values for name, values in columns.items() if values.dtype.kind in "biuf"}
+from emacm.recordings.names import printable
 
 
 def run(options: argparse.Namespace) -> int:
@@ -138,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     return 3 if failed else 0
 
 
-def _show(contents: Contents) -> None:
+def _show(contents: FileContents) -> None:
     print(contents_table(contents).to_string())
     for name, number in contents.columns.numbers.items():
         print(f"{name} = {number:.9g} {contents.columns.units.get(name, '')}".rstrip())
@@ -148,7 +55,7 @@ def _show(contents: Contents) -> None:
         print(f"To be stated in the layout: {remark}")
 
 
-def _write(contents: Contents, path: Path, options: argparse.Namespace) -> None:
+def _write(contents: FileContents, path: Path, options: argparse.Namespace) -> None:
     """Write the draft of the layout, and the plot."""
     if options.draft is not None:
         if options.draft.exists():
@@ -157,259 +64,22 @@ def _write(contents: Contents, path: Path, options: argparse.Namespace) -> None:
             unfinished.write_text(draft_layout(contents, path, options.meta), encoding="utf-8")
         print(f"Draft of the layout: {printable(options.draft)}")
     if options.plot is not None:
-        plot(contents, options.plot)
+        _plot(contents, options.plot)
         print(f"Plot: {printable(options.plot)}")
 
 
-def files_table(paths: Sequence[Path]) -> pd.DataFrame:
-    """Return a row for each file: channels, rates, duration, shaft, and what is not known.
+def _plot(contents: FileContents, path: Path) -> None:
+    """Draw the first 12 columns over time, or over the number of the sample, into a picture."""
+    from emacm.displays import drawing
 
-    Returns
-    -------
-    DataFrame
-        Columns "file", "channels", "rate [Hz]", "duration [s]" (empty if it cannot be read),
-        "shaft" and "to be stated" (or why it cannot be read).
-    """
-    rows = []
-    for path in paths:
-        row: dict[str, Any] = {"file": printable(path)}
-        try:
-            found = contents_of(path)
-            durations = contents_table(found)["duration [s]"]
-            row["channels"], row["shaft"] = ", ".join(found.channels), found.shaft
-            row["rate [Hz]"] = ", ".join(_numbers(found.rates.values()))
-            row["duration [s]"] = f"{durations.max():.6g}"
-            row["to be stated"] = "; ".join(found.open)
-        except (ImportError, OSError, TypeError, ValueError) as error:
-            row["to be stated"] = f"cannot be read: {error}"
-        rows.append(row)
-    columns = ["file", "channels", "rate [Hz]", "duration [s]", "shaft", "to be stated"]
-    return pd.DataFrame(rows, columns=columns).fillna("")
-
-
-def _numbers(values: Iterable[float]) -> list[str]:
-    return [f"{value:.9g}" for value in sorted(set(values))]
-
-
-def contents_of(path: Path) -> Contents:
-    """Read a file, and find out which of its columns are times and shaft.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    Contents
-
-    Raises
-    ------
-    FileNotFoundError, ImportError, ValueError
-        As `emacm.files.readers.read_columns`; also if there is no signal.
-    """
-    columns = read_columns(path)
-    if not columns.columns:
-        raise ValueError(without_signal(columns))
-    times = next(filter(is_time_name, columns.columns), None)
-    remarks: list[str] = []
-    try:
-        rates = rates_of_columns(columns, Layout(), times)
-    except ValueError as error:
-        rates, remarks = stated_rates(columns), [str(error)]
-    shafts = columns.like_shaft()
-    found = Contents(columns, rates, times, next(iter(shafts), None), {}, remarks)
-    if found.shaft is None:
-        pulses = {name: count_pulses(v) for name, v in found.numbers.items() if name != times}
-        found.shaft = next(filter(pulses.get, pulses), None)
-        found.n_pulses = pulses.get(found.shaft or "", 0)
-    texts = [name for name in columns.columns if name not in found.numbers and name != times]
-    for name in texts:
-        first = first_non_number(columns.columns[name], columns.columns[name])
-        found.unused[name] = f"it does not consist of numbers, got {first}"
-    found.unused |= dict.fromkeys(shafts[1:], "it is named like the motion of a shaft")
-    if found.missing_rates:
-        names = ", ".join(found.missing_rates)
-        remarks.append(f"fs of {names}: neither the file nor a column of times states it")
-    return found
-
-
-def count_pulses(values: NDArray[Any], *, fewest: int = 8, steady: float = 0.2) -> int:
-    """Return the number of pulses of a column that looks like a tachometer; 0 if it does not.
-
-    Parameters
-    ----------
-    values : ndarray of shape (n_times,)
-        The column.
-    fewest : int
-        Pulses that it must have.
-    steady : float
-        Median relative change of the interval from one pulse to the next that it may have.
-
-    Returns
-    -------
-    int
-        Pulses of two levels: of what is above 30 % of their difference, most is above 70 %, unlike
-        in impulses that decay; and less is between these than 5 % of all.
-
-    Examples
-    --------
-    >>> count_pulses(np.arange(1000) % 50 < 5), count_pulses(np.sin(np.arange(1000) / 8))
-    (19, 0)
-    """
-    x = np.asarray(values, np.float64)
-    lowest, span = x.min(), np.ptp(x)
-    if not span > 0 or not np.isfinite(span):
-        return 0
-    x = (x - lowest) / span
-    high, between = float(np.mean(x > 0.7)), float(np.mean((x > 0.3) & (x <= 0.7)))
-    starts = np.flatnonzero(np.diff((x > 0.5).astype(int)) > 0)
-    if between > min(0.05, high / 2, (1 - high) / 2) or len(starts) < fewest:
-        return 0
-    intervals = np.diff(starts)
-    change = np.median(np.abs(np.diff(intervals)) / intervals[1:])
-    return len(starts) if change <= steady else 0
-
-
-def contents_table(contents: Contents) -> pd.DataFrame:
-    """Return a row for each column: unit, rate, samples, duration and range.
-
-    Parameters
-    ----------
-    contents : Contents
-        What was found.
-
-    Returns
-    -------
-    DataFrame
-        Columns "as" (time, shaft, channel or not used), "unit", "rate [Hz]", "samples",
-        "duration [s]", "lowest", "mean", "highest" and "not finite" (number of samples).
-    """
-    rows = {}
-    roles = {contents.times: "time", contents.shaft: "shaft"}
-    roles |= dict.fromkeys(contents.unused, "not used")
-    for name, values in contents.columns.columns.items():
-        rate = contents.rates.get(name, np.nan)
-        rows[name] = {
-            "as": roles.get(name, "channel"),
-            "unit": contents.columns.units.get(name, ""),
-            "rate [Hz]": rate,
-            "samples": len(values),
-            "duration [s]": len(values) / rate,
-        }
-        if name in contents.numbers:
-            good = pd.Series(values[np.isfinite(values)])
-            rows[name] |= {"lowest": good.min(), "mean": good.mean(), "highest": good.max()}
-            rows[name]["not finite"] = len(values) - len(good)
-    return pd.DataFrame.from_dict(rows, orient="index")
-
-
-def draft_layout(contents: Contents, path: Path, meta: str | None = None) -> str:
-    """Return a layout as TOML; what the file does not state is a comment to be filled in.
-
-    Parameters
-    ----------
-    contents : Contents
-        What was found in the file.
-    path : Path
-        The file.
-    meta : str, optional
-        Pattern of the names of the files.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    ValueError
-        If the name of the file does not match `meta`.
-    """
-    lines = [
-        f"# Layout of files like {printable(path.name)}; see emacm.Layout for all options.",
-        '# "FILL IN": the file does not state it. Correct the line, and remove its first #.',
-    ]
-    if contents.times is not None:
-        lines.append(f"# time: the column {_text(contents.times)}, found by its name")
-    if contents.rates:
-        found = ", ".join(_numbers(contents.rates.values()))
-        lines.append(f"# fs: {found} Hz, found in the file")
-    if missing := contents.missing_rates:
-        each = ", ".join(f"{_text(name)} = {rate:.9g}" for name, rate in missing.items())
-        is_one = not contents.rates and len(set(missing.values())) == 1
-        rates = f"{max(missing.values()):.9g}" if is_one else f"{{{each}}}"
-        lines.append(f"# fs = {rates}  # FILL IN: sampling rate [Hz]")
-    lines.append(f"channels = [{', '.join(map(_text, contents.channels))}]")
-    lines += [f"# {_text(name)} is not used: {why}" for name, why in contents.unused.items()]
-    if contents.shaft is None:
-        lines.append(
-            '# velocity = "1797 rpm"  # FILL IN: a constant speed, or a column, or one of a file'
-        )
-        lines.append('# beside it: velocity = {file = "{stem}_speed.csv", column = "rpm"}')
-    elif contents.n_pulses:
-        reason = f"{contents.n_pulses} pulses are in this column"
-        column = f"{{column = {_text(contents.shaft)}, pulses_per_rev = 1}}"
-        lines.append(f"# tacho = {column}  # FILL IN: {reason}")
-    else:
-        lines.append(f"{contents.kind} = {_text(contents.shaft)}")
-    fields = "_".join(f"{{field{n}}}" for n in range(1, path.stem.count("_") + 2))
-    if meta is None:
-        lines.append(f"# meta = {_text(fields)}  # FILL IN: what the parts of the file names mean")
-    else:
-        meta_from_name(path, meta)
-        lines.append(f"meta = {_text(meta)}")
-    return "\n".join([*lines, "", "[units]", *_units(contents)]) + "\n"
-
-
-def _units(contents: Contents) -> Iterator[str]:
-    """Yield the lines of a draft with the units of shaft and channels."""
-    stated, shaft = contents.columns.units, contents.shaft
-    if shaft is not None and contents.shaft_unit:
-        source = "" if stated.get(shaft) == contents.shaft_unit else "  # from its name"
-        yield f"{_text(shaft)} = {_text(contents.shaft_unit)}{source}"
-    elif shaft is not None and contents.kind != "tacho":
-        usual = "rpm" if contents.kind == "velocity" else "rad"
-        yield f"# {_text(shaft)} = {_text(usual)}  # FILL IN: its unit"
-    for name in contents.channels:
-        if stated.get(name):
-            yield f"{_text(name)} = {_text(stated[name])}"
-        else:
-            yield f'# {_text(name)} = "g"  # FILL IN: its unit, for labels of figures'
-
-
-def _text(value: str) -> str:
-    """Return a text as TOML."""
-    return json.dumps(value, ensure_ascii=False)
-
-
-def plot(contents: Contents, path: Path, most_panels: int = 12) -> None:
-    """Draw the columns over time, or over the number of the sample, into a picture.
-
-    Parameters
-    ----------
-    contents : Contents
-        What was found in a file.
-    path : Path
-        The picture.
-    most_panels : int
-        Most columns that are drawn.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed.
-    """
-    from emacm.displays import _drawing
-
-    drawn = [column for column in contents.numbers.items() if column[0] != contents.times]
-    drawn = drawn[:most_panels]
-    axes = _drawing.panel_axes(None, len(drawn), height=1.3)
-    timed = all(name in contents.rates for name, _ in drawn)
-    for panel, (name, values) in zip(axes, drawn, strict=True):
+    columns = [column for column in contents.numbers.items() if column[0] != contents.times][:12]
+    axes = drawing.panel_axes(None, len(columns), height=1.3)
+    timed = all(name in contents.rates for name, _ in columns)
+    for panel, (name, values) in zip(axes, columns, strict=True):
         rate = contents.rates[name] if timed else 1.0
-        panel.plot(np.arange(len(values)) / rate, values, color=_drawing.PLAIN, linewidth=0.8)
+        panel.plot(np.arange(len(values)) / rate, values, color=drawing.PLAIN, linewidth=0.8)
         panel.set_xlim(0, max(len(values) - 1, 1) / rate)
-        _drawing.label_y(panel, name, contents.columns.units.get(name, "unit"))
-    _drawing.label_x(axes, "time [s]" if timed else "sample")
+        drawing.label_y(panel, name, contents.columns.units.get(name, "unit"))
+    drawing.label_x(axes, "time [s]" if timed else "sample")
     with written_whole(path) as unfinished:
         axes[0].figure.savefig(unfinished, dpi=150, format=path.suffix[1:] or "png")

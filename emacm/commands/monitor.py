@@ -11,7 +11,7 @@ import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, nullcontext
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from io import StringIO
 from itertools import chain, islice
@@ -35,6 +35,7 @@ from emacm.streams.packed_state import packed, unpacked
 from emacm.streams.streamed_models import Reading
 
 FAILED = 3  # exit status: rows were skipped
+_BYTES = ("last", "before", "head")  # of a state
 
 
 def run(options: argparse.Namespace) -> int:
@@ -68,8 +69,8 @@ class _GrowingFile:
     the same is checked then.
     """
 
-    def __init__(self, path: str, idle: float, *, poll: float = 0.1) -> None:
-        self._path, self._idle, self._poll = path, idle, min(poll, idle)
+    def __init__(self, path: str, idle: float) -> None:
+        self._path, self._idle = path, idle
         self._place, self._before, self._ended = 0, b"", False
         open(path, "rb").close()  # so that a missing file is an error
 
@@ -96,9 +97,9 @@ class _GrowingFile:
                 self._ended = True
                 return
             else:
-                time.sleep(self._poll)
+                time.sleep(min(0.1, self._idle))
 
-    def _read(self, n_bytes: int = 1 << 16, n_compared: int = 4096) -> bytes | None:
+    def _read(self, n_bytes: int = 1 << 16) -> bytes | None:
         """Return the next bytes, b"" if there are none yet; None if the content is another one."""
         n_before = len(self._before)
         try:
@@ -110,7 +111,7 @@ class _GrowingFile:
         if not content.startswith(self._before):
             return None
         self._place += len(content) - n_before
-        self._before = content[-n_compared:]
+        self._before = content[-4096:]
         return content[n_before:]
 
 
@@ -184,29 +185,48 @@ class _Evidence:
             unfinished.write_text(json.dumps(record_of({**record, **found}), indent=1))
 
 
+@dataclass
+class _Position:
+    """Where a stream has got to: what of it is processed, and at which time.
+
+    Attributes
+    ----------
+    offset : int
+        Bytes of the file that are processed.
+    before : bytes
+        The last of these bytes.
+    last : bytes
+        The row before, so that gaps between blocks are noticed.
+    resumed : float or None
+        Time at which the stream goes on after an error [s].
+    ahead : float
+        Of the clock of the rows, before that of the monitor [s].
+    """
+
+    offset: int = 0
+    before: bytes = b""
+    last: bytes = b""
+    resumed: float | None = None
+    ahead: float = 0.0
+
+    def pass_over(self, lines: list[bytes]) -> None:
+        """Note that lines are processed."""
+        text = b"".join(lines)
+        self.offset += len(text)
+        self.before = (self.before + text)[-4096:]
+
+
 class _Stream:
     """The rows of a stream, and the monitor that they are given to.
 
-    Rows of `block` seconds are processed together; header and separator are found in the first
-    `n_head` lines.
+    Rows of 0.1 s are processed together; header and separator are found in the first 20 lines.
     """
 
     def __init__(
-        self,
-        model: Any,
-        layout: Layout,
-        options: argparse.Namespace,
-        file: _GrowingFile | None,
-        *,
-        n_head: int = 20,
-        block: float = 0.1,
+        self, model: Any, layout: Layout, options: argparse.Namespace, file: _GrowingFile | None
     ) -> None:
         self._layout, self._options = layout, options
-        self._n_head, self._n_failed = n_head, 0
-        self._offset, self._before = 0, b""  # place in the file up to which rows were processed
-        self._last = b""  # row before, so that gaps between blocks are noticed
-        self._resumed: float | None = None  # time at which the stream goes on after an error [s]
-        self._ahead = 0.0  # of the clock of the rows, before that of the monitor [s]
+        self._n_failed, self._position = 0, _Position()
         if file:
             self._contents = file.contents()
         else:  # the last line may be incomplete
@@ -224,10 +244,9 @@ class _Stream:
         if layout.fs is None:
             self._layout = replace(layout, fs=self._fs)
         names = ("max_speed", "every", "unit", "wrapped")
-        chosen = {name: getattr(options, name) for name in names}
-        chosen |= {"fs": rates, "shaft_fs": arguments["shaft_fs"], "channels": list(rates)}
-        self._monitor = OrderMonitor(model, **chosen)
-        self._at_once = max(2, round(block * self._fs))
+        stated = {name: getattr(options, name) for name in names}
+        stated |= {"fs": rates, "shaft_fs": arguments["shaft_fs"], "channels": list(rates)}
+        self._monitor = OrderMonitor(model, **stated)
         has_dates = start_of(content, layout) is not None
         self._records = StreamRecords(model, has_dates, options)
         self._evidence = None
@@ -247,10 +266,11 @@ class _Stream:
         for number, lines in enumerate(self._contents):
             if number > 0:
                 source = self._options.source
-                self._offset, self._before = 0, b""
+                self._position.offset, self._position.before = 0, b""
                 self._interrupt(f"{source} was emptied or replaced. It is read from its new start.")
-            rows = chain(self._rows_below_header(lines) if self._offset == 0 else [], lines)
-            while block := list(islice(rows, self._at_once)):
+            is_start = self._position.offset == 0
+            rows = chain(self._rows_below_header(lines) if is_start else [], lines)
+            while block := list(islice(rows, max(2, round(0.1 * self._fs)))):
                 self._process(block)
         self._save()
         is_whole = self._options.every is None and not self._n_failed and not self._options.state
@@ -260,7 +280,7 @@ class _Stream:
     def _peek(self) -> list[bytes]:
         """Return the first lines, which will be read again."""
         lines = next(self._contents)
-        head = list(islice(lines, self._n_head))
+        head = list(islice(lines, 20))
         self._contents = chain([chain(head, lines)], self._contents)
         return head
 
@@ -269,21 +289,15 @@ class _Stream:
 
         Of a header without rows, nothing is processed, so that a next run begins with it.
         """
-        head = list(islice(lines, self._n_head))
+        head = list(islice(lines, 20))
         try:
             table = text_table(_texts(head))
         except ValueError:  # the first row may be cut
-            return head if len(head) == self._n_head else []
+            return head if len(head) == 20 else []
         if table.names[0] != "x0":  # the name where no header is found
             self._table, self._head = table, head
-        self._pass(head[: table.start])
+        self._position.pass_over(head[: table.start])
         return head[table.start :]
-
-    def _pass(self, lines: list[bytes], n_compared: int = 4096) -> None:
-        """Note that lines are processed."""
-        text = b"".join(lines)
-        self._offset += len(text)
-        self._before = (self._before + text)[-n_compared:]
 
     def _content(self, rows: Iterable[bytes]) -> FileColumns:
         content = FileColumns()
@@ -293,55 +307,59 @@ class _Stream:
 
     def _process(self, rows: list[bytes]) -> None:
         """Record the readings that are complete with these rows, or why the rows are skipped."""
-        n_before = 1 if self._last else 0
-        self._pass(rows)
+        position = self._position
+        n_before = 1 if position.last else 0
+        position.pass_over(rows)
         rows = [row for row in rows if row.strip()]
         if not rows:
             return
         try:
-            content = self._content([self._last, *rows])
+            content = self._content([position.last, *rows])
             arguments = recording_arguments(content, self._layout)
             start = time_of_sample(content, self._layout, n_before)
             if start is not None and n_before:
-                self._ahead = start - self._monitor.time
+                position.ahead = start - self._monitor.time
             elif start is not None:
-                self._ahead, self._resumed = 0.0, start
+                position.ahead, position.resumed = 0.0, start
             signals = {name: s[n_before:] for name, s in arguments["signals"].items()}
             kind = "angle" if "angle" in arguments else "velocity"
             shaft = np.broadcast_to(arguments[kind], len(rows) + n_before)[n_before:]
-            options: dict[str, Any] = {kind: shaft, "time": self._resumed}
+            options: dict[str, Any] = {kind: shaft, "time": position.resumed}
             readings = self._monitor.push(signals, **options)
         except (TypeError, ValueError) as error:
             self._n_failed += 1
             self._interrupt(str(error), len(rows))
             return
-        self._last, self._resumed = rows[-1], None
+        position.last, position.resumed = rows[-1], None
         records = self._records_of(readings)
         self._save_and_write(records)
         if self._evidence:
-            self._evidence.add(self._monitor.time + self._ahead - len(rows) / self._fs, rows)
+            self._evidence.add(self._monitor.time + position.ahead - len(rows) / self._fs, rows)
             self._evidence.store(records, self._head[: self._table.start])
 
     def _interrupt(self, error: str, n_skipped: int = 0) -> None:
         """State an error; the reading up to it ends, and another one begins."""
-        ended = self._monitor.time + self._ahead if self._resumed is None else self._resumed
+        position = self._position
+        ended = position.resumed
+        if ended is None:
+            ended = self._monitor.time + position.ahead
         try:
             readings = self._monitor.flush(complete=False)
         except ValueError:
             self._monitor.reset()
             readings = []
         records = self._records_of(readings)
-        self._resumed = ended + n_skipped / self._fs
-        self._last, self._ahead = b"", 0.0
+        resumed = position.resumed = ended + n_skipped / self._fs
+        position.last, position.ahead = b"", 0.0
         text = " ".join(error.split())
         if n_skipped:
             text += f" The {n_skipped} rows after {ended:.9g} s are skipped."
-        records.append(self._records.of_error(text, ended, self._resumed, self._before))
+        records.append(self._records.of_error(text, ended, resumed, position.before))
         self._save_and_write(records)
 
     def _records_of(self, readings: list[Reading]) -> list[Record]:
-        records = self._records
-        return [records.of_reading(reading, self._ahead, self._before) for reading in readings]
+        known = self._position.ahead, self._position.before
+        return [self._records.of_reading(reading, *known) for reading in readings]
 
     def _save_and_write(self, records: list[Record]) -> None:
         """Write records, which are in the state before: if the process is killed, none is lost."""
@@ -357,35 +375,31 @@ class _Stream:
         state = unpacked(file.read_bytes())
         if not isinstance(state.get("before"), str):
             raise ValueError("it is no state of this command, or of another version of emacm.")
-        for name in ("last", "before", "head"):
+        for name in _BYTES:
             state[name] = state[name].encode("latin-1")
         return state
 
     def _restore(self, state: dict[str, Any], file: _GrowingFile) -> None:
         """Restore a state, and go on in the file where it was written."""
-        self._offset, self._before, self._last = state["offset"], state["before"], state["last"]
-        goes_on = file.go_to(self._offset, self._before)
+        self._position = _Position(**{name: state[name] for name in asdict(self._position)})
+        goes_on = file.go_to(self._position.offset, self._position.before)
         if not goes_on and state["source"] != os.path.abspath(self._options.source):
             raise ValueError(f"it was written for another file, {state['source']}.")
         self._monitor.restore(state["monitor"].tobytes())
         self._records.restore(state["records"])
-        self._resumed, self._ahead = state["resumed"], state["ahead"]
 
     def _save(self, pending: Sequence[Record] = ()) -> None:
         """Write the state, with records that are to be written next: a file that is never half."""
         if self._options.state is None:
             return
-        state = {
+        state = asdict(self._position) | {
             "monitor": np.frombuffer(self._monitor.state(), np.uint8),
             "records": self._records.state(pending),
             "source": os.path.abspath(self._options.source),
-            "offset": self._offset,
-            "resumed": self._resumed,
-            "ahead": self._ahead,
-            "last": self._last.decode("latin-1"),  # any bytes as a text of JSON
-            "before": self._before.decode("latin-1"),
-            "head": b"".join(self._head).decode("latin-1"),
+            "head": b"".join(self._head),
         }
+        for name in _BYTES:
+            state[name] = state[name].decode("latin-1")  # any bytes as a text of JSON
         with written_whole(self._options.state) as unfinished:
             unfinished.write_bytes(packed(state))
 

@@ -30,6 +30,21 @@ Add = Callable[..., Any]
 Run = Callable[[argparse.Namespace], Any]
 
 
+def adder(parser: argparse.ArgumentParser) -> Add:
+    """Return a function that adds an option: name, kind, name of its value, and help.
+
+    An option of the kind `bool` has no value.
+    """
+
+    def add(name: str, kind: Any, value: str | None, text: str, **options: Any) -> None:
+        if kind is bool:
+            parser.add_argument(name, action="store_true", help=text)
+        else:
+            parser.add_argument(name, type=kind, metavar=value, help=text, **options)
+
+    return add
+
+
 def _command(
     commands: Any,
     name: str,
@@ -50,7 +65,7 @@ def _command(
         return (run or import_module(f"emacm.commands.{name}").run)(options)
 
     parser.set_defaults(run=run_checked)
-    return parser.add_argument
+    return adder(parser)
 
 
 def _writable(text: str) -> Path:
@@ -92,11 +107,6 @@ def _number(kind: type, expected: str, is_valid: Callable[[Any], bool]) -> Calla
 _above_zero = _number(float, "a number above 0", lambda number: number > 0)  # also infinity
 _probability = _number(float, "a number above 0 and below 1", lambda number: 0 < number < 1)
 _count = _number(int, "a whole number of at least 1", lambda number: number >= 1)
-_jobs = _number(
-    int,
-    "a whole number of at least 1, or -1 for one per core",
-    lambda number: number >= 1 or number == -1,
-)
 
 
 def _share(text: str) -> tuple[int, int]:
@@ -116,7 +126,7 @@ def _time(text: str) -> datetime:
 def _example(command: Add) -> None:
     meaning = "write files of a simulated pump, for the examples of README"
     add = command("example", meaning, run=_write_example)
-    add("folder", metavar="DIR", type=Path, help="folder, new or empty")
+    add("folder", Path, "DIR", "folder, new or empty")
 
 
 def _write_example(options: argparse.Namespace) -> None:
@@ -132,11 +142,11 @@ def _inspect(command: Add) -> None:
         "list the columns of a file, or the files of a folder, with rates, units and duration",
         "0; 2 for invalid arguments or a file that cannot be read; 3 if files of a folder cannot.",
     )
-    add("file", metavar="PATH", type=_existing, help="a file of measurements, or a folder")
+    add("file", _existing, "PATH", "a file of measurements, or a folder")
     _add_pattern(add)
-    add("--plot", type=_writable, metavar="PNG", help="draw the columns")
-    add("--draft", type=_writable, metavar="TOML", help="write a draft of the layout of such files")
-    add("--meta", metavar="PATTERN", help="parts of file names, as '{unit}_{state}_{run:d}'")
+    add("--plot", _writable, "PNG", "draw the columns")
+    add("--draft", _writable, "TOML", "write a draft of the layout of such files")
+    add("--meta", str, "PATTERN", "parts of file names, as '{unit}_{state}_{run:d}'")
 
 
 def _find(command: Add) -> None:
@@ -148,30 +158,31 @@ def _find(command: Add) -> None:
     )
     _add_files(add, needs_layout=False)
     _add_parts(add)
-    add("--speed", type=_above_zero, metavar="RPM", help="constant speed, not that of the files")
-    add("--healthy", type=_existing, metavar="FOLDER", help="files of this machine without faults")
-    add("--out", type=_writable, metavar="CSV", help="table with all scores")
-    add("--plot", type=Path, metavar="DIR", help="folder for a picture of each finding")
+    add("--speed", _above_zero, "RPM", "constant speed, not that of the files")
+    add("--healthy", _existing, "FOLDER", "files of this machine without faults")
+    add("--out", _writable, "CSV", "table with all scores")
+    add("--plot", Path, "DIR", "folder for a picture of each finding")
 
 
 def _train(command: Add) -> None:
     add = command("train", "fit a recipe on files, evaluate and save it", check=_check_recipe)
-    add("layout", metavar="LAYOUT", type=_existing, help="layout of the files (TOML)")
-    add("folder", metavar="FOLDER", type=_existing, help="of the files; with --like, a history")
+    add("layout", _existing, "LAYOUT", "layout of the files (TOML)")
+    add("folder", _existing, "FOLDER", "of the files; with --like, a history")
     _add_pattern(add)
-    add("--like", type=_existing, metavar="MODEL", help="fit it again, on features in a history")
-    add("--labels", required=True, metavar="FIELD", help="state: a field of the layout's meta")
-    add("--groups", required=True, metavar="FIELD", help="unit, held out as a whole: such a field")
+    add("--like", _existing, "MODEL", "fit it again, on features in a history")
+    add("--labels", str, "FIELD", "state: a field of the layout's meta", required=True)
+    add("--groups", str, "FIELD", "unit, held out as a whole: such a field", required=True)
     recipe = "orders (default): powers in order bins; actuator; bearing: levels of fault lines"
-    add("--recipe", choices=("orders", "actuator", "bearing"), default="orders", help=recipe)
+    recipes = ("orders", "actuator", "bearing")
+    add("--recipe", str, None, recipe, choices=recipes, default="orders")
     _add_parts(add)
-    add("--out", required=True, type=_writable, metavar="MODEL", help="file of the model")
-    add("--healthy", metavar="LABEL", help="label of the healthy state; default: healthy or normal")
+    add("--out", _writable, "MODEL", "file of the model", required=True)
+    add("--healthy", str, "LABEL", "label of the healthy state; default: healthy or normal")
     _add_extent(add)
     _add_costs(add)
-    add("--note", metavar="TEXT", help="text that is stored in the model file")
-    add("--intended-use", metavar="TEXT", help="what the model is for, for its model card")
-    add("--limits", metavar="TEXT", help="what the model is not for, for its model card")
+    add("--note", str, "TEXT", "text that is stored in the model file")
+    add("--intended-use", str, "TEXT", "what the model is for, for its model card")
+    add("--limits", str, "TEXT", "what the model is not for, for its model card")
     add_jobs(add, "folds")
 
 
@@ -182,17 +193,17 @@ def _score(command: Add) -> None:
         "0 if all files were decided on; 1 if a decision of --fail-on was made; 2 for invalid "
         "arguments; 3 if files failed (their rows state why); 130 if it was interrupted.",
     )
-    add("model", metavar="MODEL", type=_existing, help="file of emacm.save_model")
+    _add_model(add)
     _add_files(add)
     table = "table (.csv, .jsonl, .parquet) or history (.sqlite) to go on; default: CSV, printed"
-    add("--out", type=_writable, metavar="FILE", help=table)
-    add("--features", action="store_true", help="store features in the history, for train --like")
+    add("--out", _writable, "FILE", table)
+    add("--features", bool, None, "store features in the history, for train --like")
     add_jobs(add, "files")
     _add_costs(add)
-    add("--fail-on", default="", metavar="STATE,...", help="decisions that give exit status 1")
-    add("--watch", type=_above_zero, metavar="SECONDS", help="look for new files so often")
-    add("--again", action="store_true", help="decide again on files that are in the table")
-    add("--report", type=Path, metavar="DIR", help="write maintenance reports into this folder")
+    add("--fail-on", str, "STATE,...", "decisions that give exit status 1", default="")
+    add("--watch", _above_zero, "SECONDS", "look for new files so often")
+    add("--again", bool, None, "decide again on files that are in the table")
+    add("--report", Path, "DIR", "write maintenance reports into this folder")
     _add_report_options(add)
 
 
@@ -203,40 +214,37 @@ def _monitor(command: Add) -> None:
         "0 if all rows were processed; 2 for invalid arguments; 3 if rows were skipped (a line "
         "states why); 130 if it was interrupted.",
     )
-    add("model", metavar="MODEL", type=_existing, help="file of emacm.save_model")
-    add("source", metavar="FILE", help="text file that grows; - for the standard input")
-    add("--layout", required=True, type=_existing, metavar="L", help="layout of the rows (TOML)")
-    add("--max-speed", required=True, type=_above_zero, metavar="N", help="highest speed [rad/s]")
-    add("--every", type=_above_zero, metavar="N", help="length of a reading; default: all rows")
-    add("--unit", choices=("revolutions", "s"), default="revolutions", help="unit of --every")
-    add("--wrapped", action="store_true", help="the angle is wrapped at 2 pi (or 360 degrees)")
-    add("--state", type=Path, metavar="FILE", help="state, from which an interrupted run goes on")
+    _add_model(add)
+    add("source", str, "FILE", "text file that grows; - for the standard input")
+    add("--layout", _existing, "L", "layout of the rows (TOML)", required=True)
+    add("--max-speed", _above_zero, "N", "highest speed [rad/s]", required=True)
+    add("--every", _above_zero, "N", "length of a reading; default: all rows")
+    units = ("revolutions", "s")
+    add("--unit", str, None, "unit of --every", choices=units, default="revolutions")
+    add("--wrapped", bool, None, "the angle is wrapped at 2 pi (or 360 degrees)")
+    add("--state", Path, "FILE", "state, from which an interrupted run goes on")
     idle = "end when the file has not grown for so long [s]; default: never"
-    add("--idle", type=float, default=float("inf"), metavar="SECONDS", help=idle)
-    add("--name", metavar="UNIT", help="the unit, or machine; default: name of FILE")
+    add("--idle", float, "SECONDS", idle, default=float("inf"))
+    add("--name", str, "UNIT", "the unit, or machine; default: name of FILE")
     start = "time at which the first row was measured, if the rows have no dates; default zone: UTC"
-    add("--start", type=_time, metavar="TIME", help=start)
+    add("--start", _time, "TIME", start)
     sink = "FILE.sqlite, influx:FILE, prometheus:FILE.prom or mqtt://[user@]host[:port]/topic"
-    add("--sink", action="append", default=[], metavar="SINK", help=sink)
-    add("--page", type=Path, metavar="DIR", help="folder of fleet.html, the page of all units")
-    add("--keep-alarms", type=_count, metavar="N", help="keep signals of N readings up to alarms")
+    add("--sink", str, "SINK", sink, action="append", default=[])
+    add("--page", Path, "DIR", "folder of fleet.html, the page of all units")
+    add("--keep-alarms", _count, "N", "keep signals of N readings up to alarms")
     folder = "folder of these signals (default: evidence)"
-    add("--evidence", type=Path, default=Path("evidence"), metavar="DIR", help=folder)
-    _add_alarms(add)
-
-
-def _add_alarms(add: Add) -> None:
-    """Add when an alarm is raised and cleared."""
-    add("--healthy", metavar="LABEL", help="decision without alarm; default: healthy or normal")
+    add("--evidence", Path, "DIR", folder, default=Path("evidence"))
+    # When an alarm is raised and cleared.
+    add("--healthy", str, "LABEL", "decision without alarm; default: healthy or normal")
     accepted = "accepted false alarms in 1000 operating hours, from which the rest follows"
-    add("--false-alarms", type=_above_zero, default=1.0, metavar="N", help=accepted)
+    add("--false-alarms", _above_zero, "N", accepted, default=1.0)
     after = "raise an alarm after K of N readings; default: as --false-alarms needs, of 5"
-    add("--alarm-after", type=_share, metavar="K/N", help=after)
+    add("--alarm-after", _share, "K/N", after)
     clear = "clear it after so many readings without a reason (default: 5)"
-    add("--clear-after", type=_count, default=5, metavar="M", help=clear)
+    add("--clear-after", _count, "M", clear, default=5)
     slow = "no alarms while the shaft does not exceed this speed [rad/s]"
-    add("--min-speed", type=float, default=0.0, metavar="N", help=slow)
-    add("--quiet", type=float, default=0.0, metavar="SECONDS", help="and for so long after it does")
+    add("--min-speed", float, "N", slow, default=0.0)
+    add("--quiet", float, "SECONDS", "and for so long after it does", default=0.0)
 
 
 def _alarms(command: Add) -> None:
@@ -247,11 +255,11 @@ def _alarms(command: Add) -> None:
         "arguments.",
         _check_name,
     )
-    add("history", metavar="HISTORY", type=_existing, help="file of --sink FILE.sqlite")
-    add("--all", action="store_true", help="list also those that are cleared")
-    add("--ack", metavar="ID", help="state that somebody takes care of this alarm")
-    add("--suppress", metavar="ID", help="ignore this alarm until it is cleared")
-    add("--by", metavar="NAME", help="who does")
+    add("history", _existing, "HISTORY", "file of --sink FILE.sqlite")
+    add("--all", bool, None, "list also those that are cleared")
+    add("--ack", str, "ID", "state that somebody takes care of this alarm")
+    add("--suppress", str, "ID", "ignore this alarm until it is cleared")
+    add("--by", str, "NAME", "who does")
 
 
 def _check_name(options: argparse.Namespace) -> None:
@@ -272,10 +280,10 @@ def _print_schema(options: argparse.Namespace) -> None:
 
 def _report(command: Add) -> None:
     add = command("report", "write maintenance reports of files, an HTML page for each")
-    add("model", metavar="MODEL", type=_existing, help="file of emacm.save_model")
+    _add_model(add)
     _add_files(add)
-    add("--out", type=Path, default=Path("report"), metavar="DIR", help="folder, or one .html file")
-    add("--history", type=_existing, metavar="FILE", help="table of earlier results of emacm score")
+    add("--out", Path, "DIR", "folder, or one .html file", default=Path("report"))
+    add("--history", _existing, "FILE", "table of earlier results of emacm score")
     _add_report_options(add)
 
 
@@ -286,28 +294,27 @@ def _trend(command: Add) -> None:
         "0; 1 if --fail-on-alarm is given and the latest recording of a unit exceeds its limit; 2 "
         "for invalid arguments; 3 if files failed.",
     )
-    add("healthy", metavar="HEALTHY", type=_existing, nargs="?", help="folder of healthy files")
+    add("healthy", _existing, "HEALTHY", "folder of healthy files", nargs="?")
     _add_files(add, "*")
-    add("--groups", metavar="FIELD", help="run of a healthy file: a field of the layout's meta")
+    add("--groups", str, "FIELD", "run of a healthy file: a field of the layout's meta")
     results = "table of emacm score, not files; the index is -log10 of P(healthy) or typicality"
-    add("--results", type=_existing, metavar="TABLE", help=results)
-    add("--state", metavar="LABEL", help="healthy state in TABLE; default: healthy or normal")
-    add("--unit", metavar="FIELD", help="unit: a field of the layout's meta")
+    add("--results", _existing, "TABLE", results)
+    add("--state", str, "LABEL", "healthy state in TABLE; default: healthy or normal")
     _add_parts(add)
-    _add_time(add)
-    add("--false-alarm", type=_probability, default=0.05, metavar="P", help="rate (default: 0.05)")
-    add("--out", type=_writable, metavar="CSV", help="table (default: standard output)")
-    add("--plot", type=_writable, metavar="PNG", help="draw the trend of each unit")
+    _add_unit_and_time(add)
+    add("--false-alarm", _probability, "P", "rate (default: 0.05)", default=0.05)
+    add("--out", _writable, "CSV", "table (default: standard output)")
+    add("--plot", _writable, "PNG", "draw the trend of each unit")
     machine = "for zones of RMS velocity: 'group 2 rigid' of ISO 20816-3, 'class I' of 10816-1"
-    add("--machine", metavar="CLASS", help=machine)
-    add("--fail-on-alarm", action="store_true", help="exit status 1 if a unit exceeds its limit")
+    add("--machine", str, "CLASS", machine)
+    add("--fail-on-alarm", bool, None, "exit status 1 if a unit exceeds its limit")
     _add_extent(add)
 
 
 def _describe(command: Add) -> None:
     meaning = "print the model card of a model file, without loading the model"
     add = command("describe", meaning, run=_print_card)
-    add("model", metavar="MODEL", type=_existing, help="file of emacm train or emacm.save_model")
+    _add_model(add)
     _add_record(add)
 
 
@@ -328,9 +335,9 @@ def _verify(command: Add) -> None:
         _run_verify,
     )
     model = "file of emacm train, whose figures are computed again from --data"
-    add("model", metavar="MODEL", type=_existing, nargs="?", help=model)
-    add("--layout", type=_existing, metavar="L", help="layout of the files (TOML)")
-    add("--data", type=_existing, metavar="FOLDER", help="folder of the training files")
+    add("model", _existing, "MODEL", model, nargs="?")
+    add("--layout", _existing, "L", "layout of the files (TOML)")
+    add("--data", _existing, "FOLDER", "folder of the training files")
     _add_record(add)
 
 
@@ -357,10 +364,14 @@ def _run_verify(options: argparse.Namespace) -> int:
     return 0 if found.passed else 1
 
 
+def _add_model(add: Add) -> None:
+    add("model", _existing, "MODEL", "file of emacm train or emacm.save_model")
+
+
 def _add_record(add: Add) -> None:
     """Add where a record is written."""
-    add("--out", type=_record, metavar="FILE", help="write it into a file (.txt, .json or .html)")
-    add("--json", action="store_true", help="JSON on standard output")
+    add("--out", _record, "FILE", "write it into a file (.txt, .json or .html)")
+    add("--json", bool, None, "JSON on standard output")
 
 
 def _record(text: str) -> Path:
@@ -373,24 +384,23 @@ def _record(text: str) -> Path:
 def _add_files(add: Add, number: str = "+", *, needs_layout: bool = True) -> None:
     """Add the files that a command reads, and their layout."""
     kind = Path if needs_layout else _existing  # of others, one that is gone has a row or a page
-    add("paths", metavar="PATH", type=kind, nargs=number, help="files, or folders of files")
+    add("paths", kind, "PATH", "files, or folders of files", nargs=number)
     default = "" if needs_layout else "; default: a draft that leaves nothing open"
     layout = f"layout of the files (TOML){default}"
-    add("--layout", required=needs_layout, type=_existing, metavar="L", help=layout)
+    add("--layout", _existing, "L", layout, required=needs_layout)
     _add_pattern(add)
 
 
 def _add_pattern(add: Add) -> None:
-    """Add which files of folders are read."""
-    add("--pattern", default="**/*", metavar="GLOB", help="which files of folders, as '*_vib.csv'")
+    add("--pattern", str, "GLOB", "which files of folders, as '*_vib.csv'", default="**/*")
 
 
 def _add_parts(add: Add) -> None:
     """Add the parts of the machine."""
     bearing = "designation such as 6205, or balls,ball diameter,pitch diameter[,contact angle]"
-    add("--bearing", metavar="B", help=bearing)
+    add("--bearing", str, "B", bearing)
     parts = "components: tables such as [[Bearing]] with n_balls, ball_diameter, pitch_diameter"
-    add("--parts", type=_existing, metavar="TOML", help=parts)
+    add("--parts", _existing, "TOML", parts)
 
 
 def _check_parts(options: argparse.Namespace) -> None:
@@ -409,35 +419,35 @@ def _check_recipe(options: argparse.Namespace) -> None:
         )
 
 
-def _add_time(add: Add) -> None:
-    """Add where the time of a recording is."""
-    add("--time", metavar="FIELD", help="time: a field of the layout's meta; default: of the file")
+def _add_unit_and_time(add: Add) -> None:
+    add("--unit", str, "FIELD", "unit: a field of the layout's meta")
+    add("--time", str, "FIELD", "time: a field of the layout's meta; default: of the file")
 
 
 def _add_costs(add: Add) -> None:
-    """Add costs and priors."""
-    add("--cost", type=_existing, metavar="CSV", help="costs: rows are decisions, columns truths")
-    add("--priors", metavar="P", help="'uniform', or as in healthy=0.9,inner=0.04,outer=0.06")
+    add("--cost", _existing, "CSV", "costs: rows are decisions, columns truths")
+    add("--priors", str, "P", "'uniform', or as in healthy=0.9,inner=0.04,outer=0.06")
 
 
 def _add_extent(add: Add) -> None:
     """Add the range of the order spectra."""
     orders = "highest order; default: what all recordings support, at most 20"
-    add("--max-order", type=_above_zero, metavar="N", help=orders)
+    add("--max-order", _above_zero, "N", orders)
     length = "revolutions per segment; default: half of the shortest recording, at most 16"
-    add("--revolutions", type=_above_zero, metavar="N", help=length)
-    add("--min-speed", type=float, default=0.0, metavar="N", help="at rest up to this [rad/s]")
+    add("--revolutions", _above_zero, "N", length)
+    add("--min-speed", float, "N", "at rest up to this [rad/s]", default=0.0)
 
 
 def _add_report_options(add: Add) -> None:
     """Add what the reports of ``emacm report`` and ``emacm score`` have in common."""
-    add("--actions", type=_existing, metavar="TOML", help="for each decision: decision = 'text'")
+    add("--actions", _existing, "TOML", "for each decision: decision = 'text'")
     _add_parts(add)
-    add("--unit", metavar="FIELD", help="unit: a field of the layout's meta")
-    _add_time(add)
+    _add_unit_and_time(add)
 
 
 def add_jobs(add: Add, what: str, default: int = 1) -> None:
     """Add how many of something run in parallel."""
+    jobs = "a whole number of at least 1, or -1 for one per core"
+    kind = _number(int, jobs, lambda number: number >= 1 or number == -1)
     text = f"{what} in parallel; -1: one per core (default: {default})"
-    add("--jobs", type=_jobs, default=default, metavar="N", help=text)
+    add("--jobs", kind, "N", text, default=default)

@@ -12,13 +12,16 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from joblib import effective_n_jobs
 
 from emacm._saved import locked
 from emacm.commands.result_tables import Row, result_table
 from emacm.conditions.router import ConditionRouter
+from emacm.decisions.costs import cost_table
 from emacm.decisions.pipelines import final_estimator
+from emacm.decisions.truths import truth_priors
 from emacm.files.folder import open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.files.tables import read_table
@@ -98,13 +101,13 @@ class _Work:
             self._reports.write_fleet(() if is_history(self._options.out) else self._done.values())
         return rows
 
-    def _paths(self, settled: float = 2.0) -> Iterator[Path]:
+    def _paths(self) -> Iterator[Path]:
         """Yield the files but the table; with --watch, one changed just now may be incomplete."""
         now, options = time.time(), self._options
-        found = recording_files(options.paths, self._layout, options.pattern, may_be_empty=True)
-        for path in found:
+        paths = recording_files(options.paths, self._layout, options.pattern, may_be_empty=True)
+        for path in paths:
             written = path.stat().st_mtime if path.is_file() else 0.0
-            is_settled = options.watch is None or abs(now - written) > settled
+            is_settled = options.watch is None or abs(now - written) > 2.0
             if is_settled and path.resolve() != self._table.path:
                 yield path
 
@@ -116,11 +119,10 @@ class _Work:
         except (OSError, ValueError):
             return ""
 
-    def _rows(self, paths: Sequence[Path], most: int = 32, quick: float = 1.0) -> list[Row]:
+    def _rows(self, paths: Sequence[Path]) -> list[Row]:
         """Return the rows of files in order; those of new ones are written batch by batch.
 
-        A batch grows up to `most` files while one takes less than `quick` seconds: little is lost
-        by a kill.
+        A batch grows up to 32 files while one takes less than a second: little is lost by a kill.
         """
         rows: list[Row] = []
         new: list[tuple[Path, Row]] = []
@@ -133,8 +135,8 @@ class _Work:
             if len(new) >= at_once or number == len(paths):
                 started = time.monotonic()
                 self._decide(new)
-                if time.monotonic() - started < quick:
-                    at_once = max(at_once, min(2 * at_once, most))
+                if time.monotonic() - started < 1.0:
+                    at_once = max(at_once, min(2 * at_once, 32))
                 new = []
                 self._report(number, len(paths))
         return rows
@@ -154,9 +156,9 @@ class _Work:
             )
             row.update(self._table.append(record, found.get("features")))
 
-    def _report(self, done: int, total: int, every: float = 5.0) -> None:
-        """Report the progress, at most once in some seconds."""
-        if time.monotonic() - self._reported > every:
+    def _report(self, done: int, total: int) -> None:
+        """Report the progress, at most once in five seconds."""
+        if time.monotonic() - self._reported > 5.0:
             self._reported = time.monotonic()
             print(f"{done} of {total} files", file=sys.stderr)
 
@@ -188,7 +190,9 @@ def set_costs(
     if priors is not None:
         final.set_params(priors=priors if priors == "uniform" else _priors(priors, known))
     if hasattr(model, "classes_") and hasattr(final, "cost"):
-        _ = (final if not hasattr(model, "cost_") else model).cost_, getattr(final, "priors_", None)
+        unknown, n_classes = getattr(final, "unknown", None), len(model.classes_)
+        cost_table(final.cost, model.classes_, unknown)
+        truth_priors(final.priors, model.classes_, np.ones(n_classes), unknown)
 
 
 def _doubts(costs: pd.DataFrame, labels: Sequence[Any]) -> Iterator[str]:

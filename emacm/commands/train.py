@@ -160,14 +160,10 @@ def _print_channels(
             print(f"- {str(name).capitalize()} the decisions cost less: name the other channels.")
 
 
-def extent(
-    recordings: RecordingFolder,
-    options: argparse.Namespace,
-    *,
-    most_orders: float = 20.0,
-    most_revolutions: float = 16.0,
-) -> tuple[float, float]:
+def extent(recordings: RecordingFolder, options: argparse.Namespace) -> tuple[float, float]:
     """Return the highest order and the length of a segment [revolutions] that all support.
+
+    By default at most order 20, and 16 revolutions, which separate lines 1/8 of an order apart.
 
     Defects of files, and the file with the lowest of the highest orders, are printed to stderr.
 
@@ -191,13 +187,13 @@ def extent(
                 f"{path} has no content above order {row.max_order:.4g}. Lower --max-order."
             )
     if orders is None:
-        orders = min(most_orders, floor(8 * quality["max_order"].min()) / 10)
-        if orders < most_orders:
+        orders = min(20.0, floor(8 * quality["max_order"].min()) / 10)
+        if orders < 20:
             least = recordings.paths[int(quality["max_order"].argmin())]
             print(f"The highest order, {orders:g}, is that of {printable(least)}.", file=sys.stderr)
     if length is None:
         longest = float(quality["longest_stroke"].min())
-        length = min(most_revolutions, floor(longest / 2) or floor(8 * longest) / 10)
+        length = min(16.0, floor(longest / 2) or floor(8 * longest) / 10)
     check_number(orders, "the highest order (--max-order)", above=0)
     return orders, check_number(length, "the length of a segment (--revolutions)", above=0)
 
@@ -217,15 +213,13 @@ def _recipe(recordings: RecordingFolder, options: argparse.Namespace) -> Pipelin
     return make_pipeline(*order_levels(max_order, **common), classifier)
 
 
-def order_levels(
-    max_order: float, revolutions: float, min_speed: float, *, oversampled: float = 2.6
-) -> list[Any]:
+def order_levels(max_order: float, revolutions: float, min_speed: float) -> list[Any]:
     """Return the steps from recordings to logarithms of the powers in order bins.
 
     With 2.6 samples per cycle of the highest order, the filter of the resampling is still flat.
     """
     return [
-        OrderResampler(2 * np.pi / (oversampled * max_order), min_speed=min_speed),
+        OrderResampler(2 * np.pi / (2.6 * max_order), min_speed=min_speed),
         OrderPSD(revolutions, max_order=max_order),
         BinTransformer(max(1.0, 2 / revolutions), max_order=max_order),
         FunctionTransformer(np.log10, feature_names_out="one-to-one"),

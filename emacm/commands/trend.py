@@ -16,13 +16,13 @@ from sklearn.pipeline import FeatureUnion, make_pipeline
 from emacm._checks import located
 from emacm._saved import written_whole
 from emacm.alarms.health_index import HealthIndex, health_trend
-from emacm.alarms.severity_zones import severity_zone, vibration_indicators
 from emacm.calibration.left_out import groups_needed
 from emacm.commands.find import parts_of_options
 from emacm.commands.train import extent, order_levels
 from emacm.envelopes.envelope_detector import EnvelopeDetector
 from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
+from emacm.machine.severity_zones import severity_zone, vibration_indicators
 from emacm.models.recipes import bearing_recipe
 from emacm.recordings.meta import read_meta
 from emacm.recordings.names import printable
@@ -68,12 +68,12 @@ def run(options: argparse.Namespace) -> int:
     return FAILED if (table["error"] != "").any() else 0
 
 
-def _most_urgent(table: pd.DataFrame, most: int = 8) -> pd.DataFrame:
-    """Return the rows of the units whose latest index is highest, as many as a picture shows."""
+def _most_urgent(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of the 8 units whose latest index is highest, as many as a picture shows."""
     latest = table[table["index"].notna()].groupby("unit").tail(1)
-    units = (latest["index"] / latest["limit"]).set_axis(latest["unit"]).nlargest(most).index
+    units = (latest["index"] / latest["limit"]).set_axis(latest["unit"]).nlargest(8).index
     if len(units) < len(latest):
-        print(f"The picture shows the {most} units with the highest latest index.", file=sys.stderr)
+        print("The picture shows the 8 units with the highest latest index.", file=sys.stderr)
     return table[table["unit"].isin(units)]
 
 

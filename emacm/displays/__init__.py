@@ -3,14 +3,12 @@
 - `RecordingDisplay`: signals and shaft speed of a recording over time.
 - `OrderSpectrumDisplay`: order spectra by group of recordings; `OrderMapDisplay`: order spectra of
   one recording over time or speed; `OrderBinsDisplay`: order bins by group.
-- `ExplainedVarianceDisplay`, `LoadingsDisplay`: principal components.
 - `FeatureDensityDisplay`, `DecisionRegionsDisplay`: classes and decisions in a plane.
 - `OutcomesDisplay`: correct decisions, false alarms, inspections, wrong faults and missed
   detections by signal and condition.
 - `EvaluationDisplay`: random split and splits by run, unit and condition, confusion matrix, and
   reliability of the posterior probabilities.
 - `DomainDisplay`: speeds and conditions of training recordings.
-- `UnknownRocDisplay`: how well families left out of training are recognised as unknown.
 - `FaultLinesDisplay`: order spectrum of the envelope, its background and the predicted lines;
   `KurtogramDisplay`: spectral kurtosis by band.
 - `AlarmDisplay`: statistic of an alarm over time; `RemainingLifeDisplay`: remaining life over age.
@@ -25,13 +23,9 @@ legends.
 """
 
 from emacm.displays.bearings import FaultLinesDisplay, KurtogramDisplay
-from emacm.displays.components import (
-    ContributionsDisplay,
-    ExplainedVarianceDisplay,
-    LoadingsDisplay,
-)
+from emacm.displays.contributions import ContributionsDisplay
 from emacm.displays.domain import DomainDisplay
-from emacm.displays.evaluation import EvaluationDisplay, OutcomesDisplay, UnknownRocDisplay
+from emacm.displays.evaluation import EvaluationDisplay, OutcomesDisplay
 from emacm.displays.monitoring import AlarmDisplay, RemainingLifeDisplay, TrendDisplay
 from emacm.displays.planes import DecisionRegionsDisplay, FeatureDensityDisplay
 from emacm.displays.power import OrderBinsDisplay, OrderSpectrumDisplay
@@ -43,11 +37,9 @@ __all__ = [
     "DecisionRegionsDisplay",
     "DomainDisplay",
     "EvaluationDisplay",
-    "ExplainedVarianceDisplay",
     "FaultLinesDisplay",
     "FeatureDensityDisplay",
     "KurtogramDisplay",
-    "LoadingsDisplay",
     "OrderBinsDisplay",
     "OrderMapDisplay",
     "OrderSpectrumDisplay",
@@ -55,5 +47,4 @@ __all__ = [
     "RecordingDisplay",
     "RemainingLifeDisplay",
     "TrendDisplay",
-    "UnknownRocDisplay",
 ]

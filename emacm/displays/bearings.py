@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from emacm.displays import _drawing, _tables
-from emacm.displays._drawing import Display
+from emacm.displays import drawing as _drawing
+from emacm.displays import drawn_values as _tables
+from emacm.displays.drawing import Display
 from emacm.envelopes.kurtogram import Kurtogram, kurtogram
 from emacm.machine.fault_lines import LineLevels
 from emacm.machine.fault_orders import Parts, fault_series, only_damage

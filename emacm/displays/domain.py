@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from emacm.displays import _drawing
-from emacm.displays._drawing import Display
+from emacm.displays import drawing
+from emacm.displays.drawing import Display
 from emacm.models.evidence import operating_points
 
 
@@ -47,7 +47,7 @@ class DomainDisplay(Display):
 
     points: pd.DataFrame
     condition: str | None = field(default=None, kw_only=True)
-    healthy: Any = field(default=_drawing.HEALTHY, kw_only=True)
+    healthy: Any = field(default=drawing.HEALTHY, kw_only=True)
 
     def __post_init__(self) -> None:
         conditions = self.points.drop(columns=["state", "slowest", "fastest"])
@@ -84,9 +84,9 @@ class DomainDisplay(Display):
         return self.points.assign(**per_minute)
 
     def _draw(self, ax: Any) -> Any:
-        (ax,) = _drawing.panel_axes(ax, height=2.6 if self.condition else 1.7)
+        (ax,) = drawing.panel_axes(ax, height=2.6 if self.condition else 1.7)
         table = self.frame()
-        numbers = _drawing.state_numbers(sorted(table["state"].astype(str)), self.healthy)
+        numbers = drawing.state_numbers(sorted(table["state"].astype(str)), self.healthy)
         # Bars of states under the same condition stand side by side.
         values = table[self.condition].to_numpy(float) if self.condition else np.zeros(len(table))
         steps = np.diff(np.unique(values))
@@ -95,12 +95,12 @@ class DomainDisplay(Display):
             own = (table["state"].astype(str) == name).to_numpy()
             heights = values[own] + width * (list(numbers).index(name) - (len(numbers) - 1) / 2)
             ends = table.loc[own, ["slowest", "fastest"]].to_numpy().T
-            look = {"color": _drawing.colour_of(number), "alpha": 0.6, "markersize": 4}
-            look["marker"] = _drawing.style_of(_drawing.MARKERS, number)
+            look = {"color": drawing.colour_of(number), "alpha": 0.6, "markersize": 4}
+            look["marker"] = drawing.style_of(drawing.MARKERS, number)
             look["linewidth"] = 12 / (3 + len(numbers))
             ax.plot(ends, np.stack([heights] * 2), **look)[0].set_label(name)
-        _drawing.label_axes(ax, "speed of the shaft [rpm]", self.condition or "state")
+        drawing.label_axes(ax, "speed of the shaft [rpm]", self.condition or "state")
         if not self.condition:
             ax.set_yticks(width * (np.arange(len(numbers)) - (len(numbers) - 1) / 2), numbers)
-        _drawing.legend_above(ax)
+        drawing.legend_above(ax)
         return ax

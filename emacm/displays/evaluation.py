@@ -9,123 +9,22 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
-from sklearn.metrics import roc_auc_score, roc_curve
 from sklearn.utils import check_consistent_length
 
 from emacm.decisions.truths import label_list
-from emacm.displays import _drawing
-from emacm.displays._drawing import Display
-from emacm.evaluation.novelty import UnknownEvaluation
+from emacm.displays import drawing
+from emacm.displays.drawing import Display
 from emacm.evaluation.results import Evaluation
-
-
-@dataclass(eq=False, repr=False)
-class UnknownRocDisplay(Display):
-    """Fraction of unknown recordings that are flagged over that of known ones.
-
-    A recording is flagged if its typicality is at most a threshold; the curve is over all
-    thresholds, the marker at a typicality of 0.01.
-
-    Parameters
-    ----------
-    table : DataFrame
-        One row for each family left out of training and recording: "left_out" (name of the
-        family), "typicality" (0 to 1) and "is_unknown" (whether the recording is of this family).
-    intervals : DataFrame, optional
-        Rows named by the families; columns "auroc_low" and "auroc_high", for the legend.
-
-    Attributes
-    ----------
-    ax_, figure_
-        Axes and figure, set when the display is drawn.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> table = pd.DataFrame(
-    ...     {"left_out": "worn", "typicality": [0.6, 0.004, 0.1, 0.002],
-    ...      "is_unknown": [False, False, True, True]}
-    ... )
-    >>> UnknownRocDisplay(table).areas()
-    {'worn': 0.75}
-    """
-
-    table: pd.DataFrame
-    intervals: pd.DataFrame | None = None
-
-    @classmethod
-    def from_evaluation(cls, evaluation: UnknownEvaluation, *, ax: Any = None) -> UnknownRocDisplay:
-        """Draw the families of faults that an evaluation left out of training.
-
-        Parameters
-        ----------
-        evaluation : UnknownEvaluation
-            Result of `emacm.evaluation.novelty.evaluate_unknown`.
-        ax : matplotlib Axes, optional
-            Where to draw.
-
-        Returns
-        -------
-        UnknownRocDisplay
-        """
-        return cls(evaluation.predictions, evaluation.table).plot(ax=ax)
-
-    def areas(self) -> dict[str, float]:
-        """Return the area under the ROC curve of each family."""
-        return {
-            str(family): float(roc_auc_score(part["is_unknown"], -part["typicality"]))
-            for family, part in self.table.groupby("left_out", sort=False)
-        }
-
-    def frame(self) -> pd.DataFrame:
-        """Return the curves: "left_out", fractions "known_flagged", "unknown_flagged", threshold.
-
-        A recording is flagged if its typicality is at most the "threshold".
-        """
-        parts = []
-        for family, part in self.table.groupby("left_out", sort=False):
-            # Thresholds of scikit-learn start above all scores, which flags no recording.
-            known, unknown, scores = roc_curve(part["is_unknown"], -part["typicality"])
-            columns = {"known_flagged": known, "unknown_flagged": unknown}
-            levels = np.where(np.isfinite(scores), -scores, 0.0)
-            parts.append(pd.DataFrame({"left_out": family, **columns, "threshold": levels}))
-        return pd.concat(parts, ignore_index=True)
-
-    def _draw(self, ax: Any) -> Any:
-        (ax,) = _drawing.panel_axes(ax, height=3.6)
-        ax.plot([0, 100], [0, 100], color="0.6", linestyle=(0, (1, 2)), linewidth=1)
-        areas = self.areas()
-        is_flagged = self.table["typicality"] <= 0.01
-        flagged = is_flagged.groupby([self.table["left_out"], self.table["is_unknown"]]).mean()
-        for number, (family, curve) in enumerate(self.frame().groupby("left_out"), 1):
-            style = _drawing.line_style(number)
-            x, y = 100 * curve[["known_flagged", "unknown_flagged"]].to_numpy().T
-            label = f"{family}: AUROC {areas[str(family)]:.3f}"
-            if self.intervals is not None:
-                low, high = self.intervals.loc[family, ["auroc_low", "auroc_high"]]
-                label += "" if np.isnan(low) else f" ({low:.3f} to {high:.3f})"
-            ax.plot(x, y, label=label, linewidth=1.6, **style)
-            marker = _drawing.style_of(_drawing.MARKERS, number)
-            look = {"color": style["color"], "markeredgecolor": "black", "zorder": 3}
-            ax.plot(*100 * flagged[family], marker, **look)
-        text = "flagged at typicality ≤ 0.01"
-        ax.plot([], [], "o", color="white", markeredgecolor="black", label=text)
-        ax.set(xlim=(-2, 102), ylim=(-2, 102))
-        ax.grid(color="0.9", linewidth=0.6)
-        _drawing.label_axes(ax, "known recordings flagged [%]", "unknown recordings flagged [%]")
-        _drawing.legend_above(ax, title="family left out of training")
-        return ax
-
 
 # Rate: label, colour and marker.
 RATES = {
-    "balanced_accuracy": ("balanced accuracy", _drawing.PLAIN, "o"),
-    "false_alarm_rate": ("false alarms (of healthy)", _drawing.COLOURS[4], "s"),
+    "balanced_accuracy": ("balanced accuracy", drawing.PLAIN, "o"),
+    "false_alarm_rate": ("false alarms (of healthy)", drawing.COLOURS[4], "s"),
     "inspection_rate": ("inspections (of healthy)", "0.4", "v"),
-    "missed_detection_rate": ("missed detections (of faulty)", _drawing.COLOURS[1], "^"),
+    "missed_detection_rate": ("missed detections (of faulty)", drawing.COLOURS[1], "^"),
 }
 _ENDS = ("", "_low", "_high")  # of a rate and its interval
-CENTRED = {"ha": "center", "va": "center", "fontsize": _drawing.SMALL}
+CENTRED = {"ha": "center", "va": "center", "fontsize": drawing.SMALL}
 CURVE = ["confidence", "frequency", "low", "high", "count"]
 
 
@@ -179,7 +78,7 @@ class EvaluationDisplay(Display):
     confusion: pd.DataFrame
     calibration: pd.DataFrame | None = None
     scheme: str = field(default="", kw_only=True)
-    healthy: Any = field(default=_drawing.HEALTHY, kw_only=True)
+    healthy: Any = field(default=drawing.HEALTHY, kw_only=True)
 
     def __post_init__(self) -> None:
         self.figures = [name for name in RATES if name in self.table]
@@ -233,7 +132,7 @@ class EvaluationDisplay(Display):
 
     def _draw(self, ax: Any) -> Any:
         n_panels = 2 if self.calibration is None else 3
-        axes = self._panels() if ax is None else _drawing.panel_axes(ax, n_panels)
+        axes = self._panels() if ax is None else drawing.panel_axes(ax, n_panels)
         self._draw_rates(axes[0])
         self._draw_confusion(axes[1])
         if self.calibration is not None:
@@ -250,8 +149,8 @@ class EvaluationDisplay(Display):
             panels = [["rates"] * 2, ["confusion", "reliability"]]
         elif self.calibration is not None:
             panels, heights = [*panels, ["reliability"]], [*heights, 3.0]
-        size = (_drawing.WIDTH, sum(heights))
-        figure = _drawing.pyplot().figure(figsize=size, layout="constrained")
+        size = (drawing.WIDTH, sum(heights))
+        figure = drawing.pyplot().figure(figsize=size, layout="constrained")
         return np.array([*figure.subplot_mosaic(panels, height_ratios=heights).values()])
 
     def _draw_rates(self, panel: Any) -> None:
@@ -268,14 +167,14 @@ class EvaluationDisplay(Display):
         for height in places[self.table[self.figures].isna().all(axis=1)]:
             panel.text(50, height, "cannot be scored", **CENTRED)
         panel.set_yticks(places, [_scheme_label(name, row) for name, row in self.table.iterrows()])
-        panel.tick_params(axis="y", labelsize=_drawing.SMALL, length=0)
+        panel.tick_params(axis="y", labelsize=drawing.SMALL, length=0)
         panel.set_ylim(len(places) - 0.5, -0.5)  # the first on top
         panel.grid(axis="x", color="0.9", linewidth=0.6)
         for height in places[1:] - 0.5:
             panel.axhline(height, color="0.8", linewidth=0.6)
         panel.set_xlim(-2, 102)
         panel.set_xlabel("share of the recordings [%]")
-        _drawing.legend_above(panel, title="line: confidence interval")
+        drawing.legend_above(panel, title="line: confidence interval")
 
     def _draw_confusion(self, panel: Any) -> None:
         from matplotlib.colors import LinearSegmentedColormap
@@ -283,7 +182,7 @@ class EvaluationDisplay(Display):
         counts = self.confusion.to_numpy(float)
         below = counts.sum(axis=0)
         shares = counts / np.where(below > 0, below, 1)
-        ramp = LinearSegmentedColormap.from_list("shares", ["white", _drawing.PLAIN])
+        ramp = LinearSegmentedColormap.from_list("shares", ["white", drawing.PLAIN])
         panel.imshow(shares, cmap=ramp, vmin=0, vmax=1, aspect="auto")
         for (row, column), count in np.ndenumerate(counts):
             if count:
@@ -291,45 +190,45 @@ class EvaluationDisplay(Display):
                 panel.text(column, row, f"{count:g}", color=ink, **CENTRED)
         upright = max(len(str(name)) for name in self.confusion.columns) > 5
         turned = {"rotation": 40, "ha": "right", "rotation_mode": "anchor"} if upright else {}
-        style = {"fontsize": _drawing.SMALL}
+        style = {"fontsize": drawing.SMALL}
         panel.set_xticks(range(counts.shape[1]), self.confusion.columns, **style, **turned)
-        rows = [_drawing.wrapped(name) for name in self.confusion.index]
+        rows = [drawing.wrapped(name) for name in self.confusion.index]
         panel.set_yticks(range(len(counts)), rows, **style)
         panel.tick_params(length=0)
-        _drawing.label_axes(panel, "true class", "decision")
+        drawing.label_axes(panel, "true class", "decision")
         self._title(panel, "recordings, shaded by\nthe share of each true class")
 
     def _draw_reliability(self, panel: Any, curve: pd.DataFrame) -> None:
         panel.plot([0, 100], [0, 100], color="0.5", linestyle="--", linewidth=1)
         confidence, frequency, low, high = 100 * curve[CURVE[:4]].to_numpy(float).T
-        panel.vlines(confidence, low, high, color=_drawing.PLAIN, linewidth=1.4)
-        panel.plot(confidence, frequency, "-", color=_drawing.PLAIN, linewidth=0.8)
+        panel.vlines(confidence, low, high, color=drawing.PLAIN, linewidth=1.4)
+        panel.plot(confidence, frequency, "-", color=drawing.PLAIN, linewidth=0.8)
         sizes = 12 + 90 * curve["count"].to_numpy(float) / curve["count"].sum()
-        panel.scatter(confidence, frequency, sizes, color=_drawing.PLAIN, zorder=3)
+        panel.scatter(confidence, frequency, sizes, color=drawing.PLAIN, zorder=3)
         panel.set(xlim=(-2, 102), ylim=(-2, 102))
         panel.set_xlabel("confidence [%]")
-        _drawing.label_y(panel, "observed frequency", "%")
+        drawing.label_y(panel, "observed frequency", "%")
         self._title(panel, "reliability\n(area: number of recordings)")
 
     def _title(self, panel: Any, text: str) -> None:
         scheme = f"{self.scheme}: " if self.scheme else ""
-        panel.set_title(f"{scheme}{text}", fontsize=_drawing.SMALL)
+        panel.set_title(f"{scheme}{text}", fontsize=drawing.SMALL)
 
 
 def _scheme_label(name: Any, row: pd.Series) -> str:
     """Return the name of a scheme, with the groups on which its intervals are based."""
     if not row.get("groups") or "resampled" not in row:
-        return _drawing.wrapped(name)
-    return f"{_drawing.wrapped(name)}\n({row['resampled']}s: {row['groups']})"
+        return drawing.wrapped(name)
+    return f"{drawing.wrapped(name)}\n({row['resampled']}s: {row['groups']})"
 
 
 # Colour and hatch of each outcome; the darker in print, the more serious.
 OUTCOMES = {
-    "correct": (_drawing.tint(_drawing.COLOURS[2], 0.25), ""),
+    "correct": (drawing.tint(drawing.COLOURS[2], 0.25), ""),
     "inspection": ("#ffffff", "...."),
-    "false alarm": (_drawing.tint(_drawing.COLOURS[4], 0.75), "////"),
-    "wrong fault": (_drawing.tint(_drawing.COLOURS[3], 0.9), "----"),
-    "missed detection": (_drawing.COLOURS[1], "xxxx"),
+    "false alarm": (drawing.tint(drawing.COLOURS[4], 0.75), "////"),
+    "wrong fault": (drawing.tint(drawing.COLOURS[3], 0.9), "----"),
+    "missed detection": (drawing.COLOURS[1], "xxxx"),
 }
 
 
@@ -463,12 +362,12 @@ class OutcomesDisplay(Display):
             names = table.index.get_level_values(0).unique()
             panels = {str(name): table.loc[name] for name in names}
         longest = max(map(len, panels.values()))
-        axes = _drawing.panel_axes(ax, len(panels), height=0.5 + 0.34 * longest)
+        axes = drawing.panel_axes(ax, len(panels), height=0.5 + 0.34 * longest)
         for panel, (title, part) in zip(axes, panels.items(), strict=True):
             self._draw_panel(panel, part)
-            panel.set_title(title, fontsize=_drawing.SMALL + 2, loc="left")
-        _drawing.label_x(axes, "share of the recordings [%]")
-        _drawing.legend_above(axes[0])
+            panel.set_title(title, fontsize=drawing.SMALL + 2, loc="left")
+        drawing.label_x(axes, "share of the recordings [%]")
+        drawing.legend_above(axes[0])
         return axes
 
     def _draw_panel(self, panel: Any, part: pd.DataFrame) -> None:
@@ -482,7 +381,7 @@ class OutcomesDisplay(Display):
             with rc_context({"hatch.linewidth": 0.7}):
                 panel.barh(heights, shares, 0.72, left=left, label=name, **style)
             left = left + shares
-        names = [f"{_drawing.wrapped(name)}  (n = {n:g})" for name, n in part["n"].items()]
-        panel.set_yticks(heights, names, fontsize=_drawing.SMALL)
+        names = [f"{drawing.wrapped(name)}  (n = {n:g})" for name, n in part["n"].items()]
+        panel.set_yticks(heights, names, fontsize=drawing.SMALL)
         panel.set_ylim(len(part) - 0.4, -0.6)  # the first on top
         panel.set_xlim(0, 100)

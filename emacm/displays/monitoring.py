@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from sklearn.utils.validation import check_is_fitted
 
 from emacm.alarms.control_charts import CUSUM, EWMA
-from emacm.displays import _drawing
-from emacm.displays._drawing import Display
+from emacm.displays import drawing
+from emacm.displays.drawing import Display
 from emacm.life.life_calibration import BEFORE_ONSET, DAMAGE
 from emacm.life.remaining_life import RemainingLife
 
@@ -98,19 +98,19 @@ class AlarmDisplay(Display):
         return pd.DataFrame({"time": self.times, "statistic": statistic, "alarm": alarm})
 
     def _draw(self, ax: Any) -> Any:
-        (ax,) = _drawing.panel_axes(ax, height=2.6)
+        (ax,) = drawing.panel_axes(ax, height=2.6)
         table = self.frame()
-        ax.plot(table["time"], table["statistic"], color=_drawing.PLAIN, label="statistic")
+        ax.plot(table["time"], table["statistic"], color=drawing.PLAIN, label="statistic")
         ax.axhline(self.limit, label=f"limit {self.limit:.3g}", **_LIMIT)
         if self.two_sided:
             ax.axhline(-self.limit, **_LIMIT)
         alarms = table[table["alarm"]]
         if len(alarms):
-            look = {"color": _drawing.COLOURS[1], "markersize": 4}
+            look = {"color": drawing.COLOURS[1], "markersize": 4}
             first = f"alarm, first at {alarms['time'].iloc[0]:.6g}"
             ax.plot(alarms["time"], alarms["statistic"], "s", label=first, **look)
         ax.set(xlabel=self.time_label, ylabel=f"{self.name} [standard deviations]")
-        _drawing.legend_above(ax)
+        drawing.legend_above(ax)
         return ax
 
 
@@ -163,7 +163,7 @@ class TrendDisplay(Display):
         return self.table[self.table["index"].notna()].reset_index(drop=True)
 
     def _draw(self, ax: Any) -> Any:
-        axes = _drawing.panel_axes(ax, len(self._units))
+        axes = drawing.panel_axes(ax, len(self._units))
         table = self.frame()
         rates = set(table.get("false_alarm", pd.Series(dtype=float)).dropna())
         stated = f" ({100 * max(rates):.3g} % false alarms)" if len(rates) == 1 else ""
@@ -173,7 +173,7 @@ class TrendDisplay(Display):
             for number, marker, label in ((0, "o", "within the limit"), (1, "s", "alarm")):
                 chosen = own[own["alarm"] == number]
                 text = label if (table["alarm"] == number).any() else None
-                style = {"color": _drawing.COLOURS[number], "markersize": 4}
+                style = {"color": drawing.COLOURS[number], "markersize": 4}
                 panel.plot(chosen["time"], chosen["index"], marker, label=text, **style)
             limits = own["limit"].dropna()
             if len(limits):
@@ -182,10 +182,10 @@ class TrendDisplay(Display):
             panel.set_ylabel("health index" if len(axes) == 1 else str(unit))
         if len(axes) > 1:
             axes[0].figure.supylabel("health index of unit", fontsize=10)
-        _drawing.label_x(axes, self.time_label)
+        drawing.label_x(axes, self.time_label)
         if pd.api.types.is_datetime64_any_dtype(table["time"]):
-            _drawing.date_axis(axes[-1], table["time"])
-        _drawing.legend_above(axes[0])
+            drawing.date_axis(axes[-1], table["time"])
+        drawing.legend_above(axes[0])
         return axes if len(axes) > 1 else axes[0]
 
 
@@ -267,15 +267,15 @@ class RemainingLifeDisplay(Display):
         return self.table if self.true is None else self.table.assign(true=self.true)
 
     def _draw(self, ax: Any) -> Any:
-        (ax,) = _drawing.panel_axes(ax, height=3.0)
+        (ax,) = drawing.panel_axes(ax, height=3.0)
         table = self.frame()
         top = 2.0 * table.filter(["median", "true"]).to_numpy().max()
-        for stage, colour in ((BEFORE_ONSET, "#777777"), (DAMAGE, _drawing.PLAIN)):
+        for stage, colour in ((BEFORE_ONSET, "#777777"), (DAMAGE, drawing.PLAIN)):
             rows = table[table["stage"] == stage]
             if len(rows):
                 interval = f"{self.coverage:.0%} interval, {_NAMES[stage]}"
                 upper = np.minimum(rows["upper"], top)
-                look = {"color": _drawing.tint(colour, 0.3), "linewidth": 0, "label": interval}
+                look = {"color": drawing.tint(colour, 0.3), "linewidth": 0, "label": interval}
                 ax.fill_between(rows["age"], rows["lower"], upper, **look)
                 label = f"median, {_NAMES[stage]}"
                 ax.plot(rows["age"], rows["median"], color=colour, label=label)
@@ -283,5 +283,5 @@ class RemainingLifeDisplay(Display):
             ax.plot(table["age"], table["true"], "k--", linewidth=1, label="true remaining life")
         ax.set_ylim(0, top)
         ax.set(xlabel=f"age [{self.unit}]", ylabel=f"remaining life [{self.unit}]")
-        _drawing.legend_above(ax)
+        drawing.legend_above(ax)
         return ax

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import check_consistent_length
 from sklearn.utils.validation import check_is_fitted
 
-from emacm.displays import _drawing, _tables
-from emacm.displays._drawing import Display
+from emacm.displays import drawing, drawn_values
+from emacm.displays.drawing import Display
 
 FEATURES = ("feature 1", "feature 2")
 
@@ -33,12 +33,12 @@ class PlaneDisplay(Display):
 
     def _check_points(self, states: Sequence[Any]) -> None:
         """Check the recordings; `states` are those that the classifier knows."""
-        self.points = _tables.check_values(self.points, "points", (None, 2))
+        self.points = drawn_values.check_values(self.points, "points", (None, 2))
         self.labels = np.asarray(self.labels)
         check_consistent_length(self.points, self.labels)
         self._known = [str(state) for state in states]
         found = [*self._known, *np.unique(self.labels)]
-        self._numbers = _drawing.state_numbers(found, self.healthy)
+        self._numbers = drawing.state_numbers(found, self.healthy)
 
     def _draw_points(self, ax: Any) -> dict[str, Any]:
         """Draw the recordings of each state; states unknown to the classifier in grey."""
@@ -46,9 +46,9 @@ class PlaneDisplay(Display):
         markers = {}
         for name, number in self._numbers.items():
             if name in truths:
-                colour = _drawing.colour_of(number) if name in self._known else "0.3"
+                colour = drawing.colour_of(number) if name in self._known else "0.3"
                 look = {"color": colour, "edgecolor": "white", "linewidth": 0.4, "zorder": 2}
-                look["marker"] = _drawing.style_of(_drawing.MARKERS, number)
+                look["marker"] = drawing.style_of(drawing.MARKERS, number)
                 markers[name] = ax.scatter(*self.points[truths == name].T, s=20, **look)
         return markers
 
@@ -59,7 +59,7 @@ class PlaneDisplay(Display):
         ax.set(xlabel=self.names[0], ylabel=self.names[1])
         drawn = [name for name in self._numbers if name in markers or name in others]
         pairs = [tuple(own[k] for own in (others, markers) if k in own) for k in drawn]
-        _drawing.legend_above(ax, handles=pairs, labels=drawn, title=title)
+        drawing.legend_above(ax, handles=pairs, labels=drawn, title=title)
 
 
 def plane_points(X: ArrayLike, estimator: Any) -> NDArray[np.floating]:
@@ -76,7 +76,7 @@ def plane_points(X: ArrayLike, estimator: Any) -> NDArray[np.floating]:
             f"two features are drawn, but the classifier was fitted on {estimator.n_features_in_}. "
             f"Fit it on two of them."
         )
-    return _tables.check_values(X, "X", (None, 2))
+    return drawn_values.check_values(X, "X", (None, 2))
 
 
 @dataclass(eq=False, repr=False)
@@ -138,7 +138,7 @@ class FeatureDensityDisplay(PlaneDisplay):
     labels: Any
     shares: Sequence[float] = field(default=(0.5, 0.9), kw_only=True)
     names: tuple[str, str] = field(default=FEATURES, kw_only=True)
-    healthy: Any = field(default=_drawing.HEALTHY, kw_only=True)
+    healthy: Any = field(default=drawing.HEALTHY, kw_only=True)
 
     def __post_init__(self) -> None:
         self.means, self.covariances = np.asarray(self.means), np.asarray(self.covariances)
@@ -205,11 +205,11 @@ class FeatureDensityDisplay(PlaneDisplay):
         return self.means[number][:, np.newaxis] + axes @ (widths[:, np.newaxis] * circle)
 
     def _draw(self, ax: Any) -> Any:
-        (ax,) = _drawing.panel_axes(ax, height=3.8)
+        (ax,) = drawing.panel_axes(ax, height=3.8)
         markers, lines = self._draw_points(ax), {}
         for number, name in enumerate(map(str, self.classes)):
             for share in self.shares:
-                style = {"linewidth": 1.2, **_drawing.line_style(self._numbers[name])}
+                style = {"linewidth": 1.2, **drawing.line_style(self._numbers[name])}
                 (lines[name],) = ax.plot(*self.ellipse(number, share), **style)
         held = " and ".join(f"{100 * share:.3g}" for share in self.shares)
         title = f"ellipses: {held} % of a class" if self.shares else ""
@@ -268,7 +268,7 @@ class DecisionRegionsDisplay(PlaneDisplay):
     points: Any
     labels: Any
     names: tuple[str, str] = field(default=FEATURES, kw_only=True)
-    healthy: Any = field(default=_drawing.HEALTHY, kw_only=True)
+    healthy: Any = field(default=drawing.HEALTHY, kw_only=True)
     unknown: Any = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -324,7 +324,7 @@ class DecisionRegionsDisplay(PlaneDisplay):
         return cls(first, second, regions, decisions, points, y, **options).plot(ax=ax)
 
     def _draw(self, ax: Any) -> Any:
-        (ax,) = _drawing.panel_axes(ax, height=3.8)
+        (ax,) = drawing.panel_axes(ax, height=3.8)
         from matplotlib import rc_context
 
         markers, areas = self._draw_points(ax), {}
@@ -338,10 +338,10 @@ class DecisionRegionsDisplay(PlaneDisplay):
 
     def _draw_region(self, ax: Any, code: int, number: int) -> Any:
         """Draw the region of one decision; return a patch for the legend."""
-        colour, hatch = _drawing.colour_of(number), _drawing.style_of(_drawing.HATCHES, number)
+        colour, hatch = drawing.colour_of(number), drawing.style_of(drawing.HATCHES, number)
         if str(self.decisions[code]) == str(self.unknown):
             colour, hatch = _UNKNOWN
-        colour = _drawing.tint(colour, 0.22)
+        colour = drawing.tint(colour, 0.22)
         # One decision at a time: contours between two numbers would pass through others.
         inside = (self.regions == code).astype(float)
         plane = (self.first, self.second, inside)

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from emacm.displays import _bars, _drawing, _tables
+from emacm.displays import bars, drawing, drawn_values
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.bins import check_stop_bands
 from emacm.orders.columns import column_names, parse_bin_columns, parse_order_columns
@@ -18,7 +18,7 @@ from emacm.orders.order_psd import OrderPSD
 
 
 @dataclass(eq=False, repr=False, kw_only=True)
-class PowerDisplay(_tables.OrderDisplay):
+class PowerDisplay(drawn_values.OrderDisplay):
     """Power over the order, by group of recordings and channel.
 
     Subclasses state the pipeline step of `from_estimator` and the parameters taken from it.
@@ -31,7 +31,7 @@ class PowerDisplay(_tables.OrderDisplay):
 
     unit: str | Mapping[str, str] = "unit"
     envelopes: Mapping[str, str] = field(default_factory=dict)
-    healthy: Any = _drawing.HEALTHY
+    healthy: Any = drawing.HEALTHY
 
     @classmethod
     def from_table(
@@ -68,9 +68,9 @@ class PowerDisplay(_tables.OrderDisplay):
             If the table has no order axis or no such channel, labels do not fit it, or an option
             is invalid.
         """
-        blocks = _tables.channel_blocks(cls._parse(column_names(table) or ()), channel)
+        blocks = drawn_values.channel_blocks(cls._parse(column_names(table) or ()), channel)
         single = channel if isinstance(channel, str) else None
-        means = _tables.means_by_label(table, labels, single or "all recordings")
+        means = drawn_values.means_by_label(table, labels, single or "all recordings")
         return cls._of_means(means, blocks, single, **options).plot(ax=ax)
 
     @classmethod
@@ -100,20 +100,20 @@ class PowerDisplay(_tables.OrderDisplay):
         TypeError, ValueError
             If the pipeline has no such step, and as for `from_table`.
         """
-        step, before = _tables.pipeline_until(
+        step, before = drawn_values.pipeline_until(
             estimator, lambda s: isinstance(s, cls._step), cls._step.__name__
         )
         values = step.transform(X if before is None else before.transform(X))
         table = pd.DataFrame(np.asarray(values), columns=step.get_feature_names_out())
         known = {option: getattr(step, option) for option in cls._from_step}
-        known["envelopes"] = _tables.envelopes_of(estimator)
-        known["unit"] = _tables.units_in(X) or "unit"
+        known["envelopes"] = drawn_values.envelopes_of(estimator)
+        known["unit"] = drawn_values.units_in(X) or "unit"
         return cls.from_table(table, channel, **(known | options))
 
     def _label_power(self, panel: Any, channel: str, quantity: str, per: str = "") -> None:
         """Label the y axis with quantity, channel and unit."""
-        words, unit = _tables.quantity_of(quantity, channel, self.unit, self.envelopes)
-        _drawing.label_y(panel, words, f"dB re 1 {_drawing.squared(unit)}{per}")
+        words, unit = drawn_values.quantity_of(quantity, channel, self.unit, self.envelopes)
+        drawing.label_y(panel, words, f"dB re 1 {drawing.squared(unit)}{per}")
 
 
 @dataclass(eq=False, repr=False)
@@ -178,11 +178,11 @@ class OrderSpectrumDisplay(PowerDisplay):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.orders = _tables.check_values(self.orders, "orders", (None,), least=0)
+        self.orders = drawn_values.check_values(self.orders, "orders", (None,), least=0)
         self.channels = [self.channel] if isinstance(self.channel, str) else list(self.channel)
         shape = (len(self.channels), len(self.orders))
         self.spectra = {
-            str(label): _tables.check_values(
+            str(label): drawn_values.check_values(
                 np.atleast_2d(values), f"the spectrum of {label!r}", shape, least=0
             )
             for label, values in self.spectra.items()
@@ -213,24 +213,24 @@ class OrderSpectrumDisplay(PowerDisplay):
 
     def _draw(self, ax: Any) -> Any:
         n_channels = len(self.channels)
-        axes = _drawing.panel_axes(ax, n_channels, height=3.8 if n_channels == 1 else 2.0)
+        axes = drawing.panel_axes(ax, n_channels, height=3.8 if n_channels == 1 else 2.0)
         top = self.orders[-1] if self.max_order is None else self.max_order
         # Detrending changes the line at order 0, which is not the order of any fault.
         drawn = (self.orders > 0) & (self.orders <= top)
         gap = 0.0
         for i, (panel, channel) in enumerate(zip(axes, self.channels, strict=True)):
-            for label, number in _drawing.state_numbers(self.spectra, self.healthy).items():
-                style = {"label": _drawing.wrapped(label), **_drawing.line_style(number)}
+            for label, number in drawing.state_numbers(self.spectra, self.healthy).items():
+                style = {"label": drawing.wrapped(label), **drawing.line_style(number)}
                 if len(self.spectra) == 1:
                     style["linestyle"] = "-"
-                power = _drawing.decibels(self.spectra[label][i][drawn])
+                power = drawing.decibels(self.spectra[label][i][drawn])
                 panel.plot(self.orders[drawn], power, linewidth=1.2, **style)
             panel.set_xlim(0, top)
             density = self.scaling == "density"
             self._label_power(panel, channel, *(("PSD", "/order") if density else ("power",)))
-            gap = max(gap, _drawing.mark_orders(panel, self.fault_orders, named=i == 0))
-        _drawing.label_x(axes, _drawing.ORDER_LABEL)
-        _drawing.legend_above(axes[0], gap=gap)
+            gap = max(gap, drawing.mark_orders(panel, self.fault_orders, named=i == 0))
+        drawing.label_x(axes, drawing.ORDER_LABEL)
+        drawing.legend_above(axes[0], gap=gap)
         return axes[0] if isinstance(self.channel, str) else axes
 
 
@@ -285,10 +285,10 @@ class OrderBinsDisplay(PowerDisplay):
 
     def __post_init__(self, columns: Sequence[Any]) -> None:
         super().__post_init__()
-        self.blocks = _bars.bin_blocks(columns)
+        self.blocks = bars.bin_blocks(columns)
         shape = (sum(len(block.names) for block in self.blocks),)
         self.powers = {
-            str(label): _tables.check_values(values, f"powers of {label!r}", shape, least=0)
+            str(label): drawn_values.check_values(values, f"powers of {label!r}", shape, least=0)
             for label, values in self.powers.items()
         }
         self.stop_bands = check_stop_bands(self.stop_bands)
@@ -301,17 +301,17 @@ class OrderBinsDisplay(PowerDisplay):
 
     def frame(self) -> pd.DataFrame:
         """Return the powers: one row per channel and bin, one column per label."""
-        return _bars.bin_frame(self.blocks, self.powers)
+        return bars.bin_frame(self.blocks, self.powers)
 
     def _draw(self, ax: Any) -> Any:
-        axes = _bars.bin_panels(ax, [[block] for block in self.blocks])
+        axes = bars.bin_panels(ax, self.blocks)
         for panel, block in zip(axes, self.blocks, strict=True):
-            for label, number in _drawing.state_numbers(self.powers, self.healthy).items():
-                levels = _drawing.decibels(self.powers[label][block.columns])
+            for label, number in drawing.state_numbers(self.powers, self.healthy).items():
+                levels = drawing.decibels(self.powers[label][block.columns])
                 alone = {"linestyle": "-"} if len(self.powers) == 1 else {}
-                _bars.draw_steps(panel, _bars.bin_places(block), levels, label, number, **alone)
-            if _bars.has_order_axis(block):
-                _bars.draw_stop_bands(panel, self.stop_bands)  # last in the legend
+                bars.draw_steps(panel, bars.bin_places(block), levels, label, number, **alone)
+            if bars.has_order_axis(block):
+                bars.draw_stop_bands(panel, self.stop_bands)  # last in the legend
             self._label_power(panel, block.channel, "power")
-        _drawing.legend_above(axes[0], gap=_bars.mark_panels(axes, self.blocks, self.fault_orders))
+        drawing.legend_above(axes[0], gap=bars.mark_panels(axes, self.blocks, self.fault_orders))
         return axes

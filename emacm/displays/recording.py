@@ -11,9 +11,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm._checks import check_choice
-from emacm.displays import _drawing, _tables
-from emacm.displays._drawing import Display
-from emacm.displays._tables import OrderDisplay
+from emacm.displays import drawing, drawn_values
+from emacm.displays.drawing import Display
+from emacm.displays.drawn_values import OrderDisplay
 from emacm.orders.segment_plan import SegmentPlan
 from emacm.orders.welch import order_psd, samples_per_revolution
 from emacm.recordings.recording import Recording
@@ -100,7 +100,7 @@ class RecordingDisplay(Display):
         TypeError, ValueError
             If it is not a recording, has no such channel, or has no two samples in the interval.
         """
-        chosen = _tables.chosen_channels(recording, channels)
+        chosen = drawn_values.chosen_channels(recording, channels)
         part = recording.select(chosen)
         start = 0.0
         if between is not None:
@@ -123,19 +123,19 @@ class RecordingDisplay(Display):
 
     def _draw(self, ax: Any) -> Any:
         lines = dict(iter(self.frame()["value"].groupby(level="quantity", sort=False)))
-        axes = _drawing.panel_axes(ax, len(lines), height=1.3)
+        axes = drawing.panel_axes(ax, len(lines), height=1.3)
         units = self.recording.units if self.units is None else self.units
-        envelopes = _tables.envelopes_in(self.recording)
+        envelopes = drawn_values.envelopes_in(self.recording)
         for panel, (name, line) in zip(axes, lines.items(), strict=True):
             self._shade_strokes(panel)
             line = line.droplevel("quantity")
-            panel.plot(line.index, line, color=_drawing.PLAIN, linewidth=0.8)
+            panel.plot(line.index, line, color=drawing.PLAIN, linewidth=0.8)
             panel.set_xlim(self.start, max(own.index[-1][1] for own in lines.values()))
-            _drawing.label_y(panel, *_tables.quantity_of("", name, units, envelopes))
+            drawing.label_y(panel, *drawn_values.quantity_of("", name, units, envelopes))
         axes[-1].axhline(0, color="0.4", linewidth=0.6)
-        _drawing.label_y(axes[-1], "shaft speed", "rad/s")
-        _drawing.label_x(axes, "time [s]")
-        _drawing.legend_above(axes[0])
+        drawing.label_y(axes[-1], "shaft speed", "rad/s")
+        drawing.label_x(axes, "time [s]")
+        drawing.legend_above(axes[0])
         return axes
 
     def _shade_strokes(self, panel: Any) -> None:
@@ -260,7 +260,7 @@ class OrderMapDisplay(OrderDisplay):
             If an option is invalid, there is no such channel, or no stroke is as long as one
             segment.
         """
-        chosen = _tables.chosen_channels(recording, channel and [channel])[0]
+        chosen = drawn_values.chosen_channels(recording, channel and [channel])[0]
         resampler = OrderResampler(theta_s, channels=[chosen])
         strokes = resampler.fit_transform([recording])[0].strokes
         welch: dict[str, Any] = {"revolutions": revolutions, "max_order": max_order}
@@ -278,7 +278,7 @@ class OrderMapDisplay(OrderDisplay):
             )
         parts = (np.concatenate(values) for values in zip(*segments, strict=True))
         options.setdefault("unit", recording.units.get(chosen, "unit"))
-        options["envelope"] = _tables.envelopes_in(recording).get(chosen)
+        options["envelope"] = drawn_values.envelopes_in(recording).get(chosen)
         display = cls(plan.orders, *parts, channel=chosen, max_order=max_order, **options)
         return display.plot(ax=ax)
 
@@ -289,26 +289,26 @@ class OrderMapDisplay(OrderDisplay):
         return pd.DataFrame(self.psd, index=index, columns=pd.Index(self.orders, name="order"))
 
     def _draw(self, ax: Any) -> Any:
-        (ax,) = _drawing.panel_axes(ax, height=3.8)
+        (ax,) = drawing.panel_axes(ax, height=3.8)
         edges, psd = self._over_time() if self.over == "time" else self._over_speed()
         top = self.orders[-1] if self.max_order is None else self.max_order
         # Detrending changes the line at order 0, which is not the order of any fault.
         drawn = (self.orders > 0) & (self.orders <= top)
         half = (self.orders[1] - self.orders[0]) / 2
         heights = np.append(self.orders[drawn] - half, self.orders[drawn][-1] + half)
-        power = np.ma.masked_invalid(_drawing.decibels(psd[:, drawn]).T)
+        power = np.ma.masked_invalid(drawing.decibels(psd[:, drawn]).T)
         # Two fifths of the cells, mostly noise, are below the lowest colour.
         faintest = np.percentile(power.compressed(), 40) if power.count() else None
         style = {"vmin": faintest, "cmap": "magma", "rasterized": True}
         mesh = ax.pcolormesh(edges, heights, power, **style)
-        ax.patch.set(facecolor="white", edgecolor=_drawing.MISSING, hatch="////")
+        ax.patch.set(facecolor="white", edgecolor=drawing.MISSING, hatch="////")
         name = "time [s]" if self.over == "time" else "shaft speed [rad/s]"
-        ax.set(xlabel=name, ylabel=_drawing.ORDER_LABEL, ylim=(heights[0], top))
-        _drawing.mark_orders_beside(ax, self.fault_orders)
+        ax.set(xlabel=name, ylabel=drawing.ORDER_LABEL, ylim=(heights[0], top))
+        drawing.mark_orders_beside(ax, self.fault_orders)
         self.colorbar_ = ax.figure.colorbar(mesh, ax=ax, extend="min")
         envelopes = {self.channel: self.envelope} if self.envelope else {}
-        words, unit = _tables.quantity_of("PSD", self.channel, self.unit, envelopes)
-        self.colorbar_.set_label(f"{words} [dB re 1 {_drawing.squared(unit)}/order]")
+        words, unit = drawn_values.quantity_of("PSD", self.channel, self.unit, envelopes)
+        self.colorbar_.set_label(f"{words} [dB re 1 {drawing.squared(unit)}/order]")
         return ax
 
     def _over_time(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:

@@ -76,8 +76,10 @@ def check_bands(band: Any) -> Any:
     return [check_band(entry, name=f"band {i}") for i, entry in enumerate(entries)]
 
 
-def kaiser_order(low: float, high: float, fs: float, *, stop: float = 80.0) -> tuple[int, float]:
+def kaiser_order(low: float, high: float, fs: float) -> tuple[int, float]:
     """Return the number of taps, an odd number, and the shape of the window of a filter.
+
+    It attenuates by 80 dB outside of the band and its transitions.
 
     Parameters
     ----------
@@ -85,8 +87,6 @@ def kaiser_order(low: float, high: float, fs: float, *, stop: float = 80.0) -> t
         Edges of the band [Hz].
     fs : float
         Sampling rate [Hz].
-    stop : float
-        Attenuation outside of the band and its transitions [dB].
 
     Returns
     -------
@@ -100,7 +100,7 @@ def kaiser_order(low: float, high: float, fs: float, *, stop: float = 80.0) -> t
     243
     """
     half = min((high - low) / 8, low, fs / 2 - high)  # of a transition, on either side of an edge
-    n_taps, beta = scipy.signal.kaiserord(stop, 4 * half / fs)
+    n_taps, beta = scipy.signal.kaiserord(80.0, 4 * half / fs)
     return n_taps | 1, beta
 
 
@@ -237,11 +237,11 @@ class EnvelopeSeries(ComputedSeries):
         return scipy.signal.oaconvolve(near, self._taps, mode="valid")
 
 
-def warn_of_long_filter(low: float, high: float, fs: float, *, excessive: float = 5.0) -> None:
-    """Warn if an edge near 0 or half the sampling rate makes the filter so many times as long."""
+def warn_of_long_filter(low: float, high: float, fs: float) -> None:
+    """Warn if an edge near 0 or half the sampling rate makes the filter five times as long."""
     usual = (high - low) / 8  # distance from 0 and half the sampling rate
     times = usual / min(usual, low, fs / 2 - high)
-    if times > excessive:
+    if times > 5:
         warn(
             "filter",
             f"the band {low:g} to {high:g} Hz is so near to 0 or half the sampling rate that its "

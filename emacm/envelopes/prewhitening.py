@@ -89,41 +89,32 @@ class WhitenedSeries(ComputedSeries):
             levels = segments.mean(axis=1, dtype=np.float64)
             segments = segments - levels.astype(near.dtype)[:, np.newaxis]
             # Without a taper, the cut ends of a strong tone would be impacts.
-            self._faded(segments)
+            self._fade_ends(segments)
             rms = np.sqrt(1 - fade / (hop + fade))
             white = whiten(segments, levels, rms=rms, gain=self._gain)
-            self._faded(white)
+            self._fade_ends(white)
             last = [item for item in kept.items() if abs(item[0] - group) == 1]
             kept = self._kept = dict([*last[-1:], (group, white)])
         return kept[group]
 
-    def _faded(self, segments: NDArray[np.inexact]) -> None:
+    def _fade_ends(self, segments: NDArray[Any]) -> None:
         """Let the ends of segments rise from 0 and fall to 0, in place."""
         segments[:, : self.fade] *= self._rise
         segments[:, self._hop :] *= self._rise[::-1]
 
 
-def _segments(
-    n_times: int,
-    fs: float,
-    *,
-    seconds: float = 0.5,
-    n_least: int = 256,
-    faded: int = 16,
-    n_equal: int = 4,
-) -> tuple[int, int]:
+def _segments(n_times: int, fs: float) -> tuple[int, int]:
     """Return by how many samples segments overlap, and from one beginning to the next.
 
-    A segment has the power of two of samples nearest to `seconds`, at least `n_least`, so that
-    lines some Hz apart are separated; it fades within ``1 / faded`` of its length. If there are
-    at most `n_equal`, they are made equally long: otherwise much of the last one may be a mirror
-    image.
+    A segment has the power of two of samples nearest to 0.5 s, at least 256, so that lines some Hz
+    apart are separated; it fades within a sixteenth of its length. If there are at most four, they
+    are made equally long: otherwise much of the last one may be a mirror image.
     """
-    n_segment = max(n_least, 1 << round(np.log2(max(seconds * fs, 1))))
-    fade = n_segment // faded
+    n_segment = max(256, 1 << round(np.log2(max(0.5 * fs, 1))))
+    fade = n_segment // 16
     count = -(-(n_times + fade) // (n_segment - fade))
-    if count <= n_equal:
-        fade = n_times // ((faded - 1) * count - 1)
+    if count <= 4:
+        fade = n_times // (15 * count - 1)
         hop = -(-(n_times + fade) // count)
         n_segment = 2 * scipy.fft.next_fast_len(-(-(hop + fade) // 2), real=True)
     return fade, n_segment - fade

@@ -55,19 +55,6 @@ def gap_of_cells(sums: Array, counts: Array) -> Array:
     return np.abs(sums).sum(axis=-1) / counts.sum(axis=-1)
 
 
-def probability_of_cells(sums: Array, counts: Array) -> Array:
-    """Return `mean_of_cells`, which is a probability that draws may exceed, within 0 and 1.
-
-    Parameters are those of `mean_of_cells`.
-
-    Examples
-    --------
-    >>> float(probability_of_cells(np.array([2.5, 1.5]), np.array([2, 1])))
-    1.0
-    """
-    return np.clip(mean_of_cells(sums, counts), 0, 1)
-
-
 class Tally(NamedTuple):
     """Contribution of each recording to a figure of merit.
 
@@ -117,8 +104,6 @@ class Tally(NamedTuple):
         counted = np.asarray(self.values, float)[np.asarray(self.cells) >= 0]
         if self.combine is gap_of_cells:
             return 0.0, np.abs(counted).max(initial=0)
-        if self.combine is probability_of_cells:
-            return 0.0, 1.0
         return counted.min(initial=np.inf), counted.max(initial=-np.inf)
 
     def n_groups(self, groups: ArrayLike) -> int:

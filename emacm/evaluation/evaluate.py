@@ -78,10 +78,9 @@ def evaluate(
         these recordings (``expected_cost``), in the unit of the cost. With `predict_proba`: mean
         cost that was paid (``realised_cost``) and mean cost that the probabilities predict for
         the same decisions (``predicted_cost``), where the true classes have the classifier's
-        `priors` as weights; macro AUROC (area under the receiver operating characteristic of one
-        label against the others, mean over the labels [2]_); log loss [nats], Brier score (0 to 2)
-        and expected calibration error (0 to 1): the mean over the recordings of the difference of
-        confidence and frequency in ten bins of equal width of the highest posterior [1]_.
+        `priors` as weights; log loss [nats] and expected calibration error (0 to 1): the mean over
+        the recordings of the difference of confidence and frequency in ten bins of equal width of
+        the highest posterior [1]_.
 
     Warns
     -----
@@ -109,11 +108,6 @@ def evaluate(
     for the split by unit; without either it draws recordings, and a caveat says so. The intervals
     cover the variation of the recordings held out, not that of the training data.
 
-    The AUROC ranks the recordings of all folds together; where a fold holds out some labels only,
-    as one bearing at a time does, it compares the probabilities of different fits, and a caveat
-    says so. Its interval is of the first order: each recording counts by the fraction of the others
-    that are ranked correctly against it.
-
     A classifier whose priors differ from the class frequencies of these recordings is, correctly,
     not calibrated on them. The calibration error of few recordings is too large, because chance
     differences add up; its interval describes its variation only.
@@ -126,7 +120,6 @@ def evaluate(
     ----------
     .. [1] M. P. Naeini, G. F. Cooper and M. Hauskrecht, Obtaining well calibrated probabilities
        using Bayesian binning, AAAI 2015.
-    .. [2] T. Fawcett, An introduction to ROC analysis, Pattern Recognition Letters 27(8), 2006.
 
     Examples
     --------

@@ -1,12 +1,4 @@
-"""Figures of merit of one hold-out scheme, each with a confidence interval.
-
-References
-----------
-.. [1] G. W. Brier, Verification of forecasts expressed in terms of probability, Monthly Weather
-   Review 78(1), 1950.
-.. [2] E. R. DeLong, D. M. DeLong and D. L. Clarke-Pearson, Comparing the areas under two or more
-   correlated receiver operating characteristic curves, Biometrics 44(3), 1988: placement values.
-"""
+"""Figures of merit of one hold-out scheme, each with a confidence interval."""
 
 from __future__ import annotations
 
@@ -16,16 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import rankdata
 
 from emacm.decisions.truths import label_array
-from emacm.evaluation.bootstrap import (
-    Array,
-    GroupBootstrap,
-    Tally,
-    gap_of_cells,
-    probability_of_cells,
-)
+from emacm.evaluation.bootstrap import Array, GroupBootstrap, Tally, gap_of_cells
 from emacm.evaluation.scoring import ScoringRule
 
 
@@ -64,10 +49,7 @@ def tallies(judged: pd.DataFrame, rule: ScoringRule) -> dict[str, Tally]:
         confidence, called, bins = most_probable(probabilities, truths)
         found["realised_cost"] = _in_service(judged["cost"], judged["truth"], rule)
         found["predicted_cost"] = _in_service(judged["predicted_cost"], judged["truth"], rule)
-        values, cells = auroc_contributions(probabilities, truths)
-        found["macro_auroc"] = Tally(values, cells, probability_of_cells)
         found["log_loss"] = Tally(log_losses(probabilities, truths), one_cell)
-        found["brier"] = Tally(brier_scores(probabilities, truths), one_cell)
         found["calibration_error"] = Tally(confidence - called, bins, gap_of_cells)
     return found
 
@@ -139,51 +121,6 @@ def codes_of(values: Any, labels: list[Any]) -> NDArray[np.intp]:
     return pd.Index(labels).get_indexer(list(values))
 
 
-def auroc_contributions(
-    probabilities: ArrayLike, truths: ArrayLike
-) -> tuple[Array, NDArray[np.intp]]:
-    """Return what each recording contributes to the macro AUROC, one class against the rest.
-
-    The area under the receiver operating characteristic of a class is the frequency at which a
-    recording of this class has a higher probability of it than a recording of another class. A
-    recording contributes its own such frequencies (placement values [2]_) for all classes.
-
-    Parameters
-    ----------
-    probabilities : array-like of shape (n_recordings, n_classes)
-        Probability of each class.
-    truths : array-like of int of shape (n_recordings,)
-        Index of the true class. Classes without any recording are not scored.
-
-    Returns
-    -------
-    values : ndarray of shape (n_recordings,)
-        Their mean within each class, averaged over the classes, is the macro AUROC.
-    cells : ndarray of int of shape (n_recordings,)
-        The true class; -1 for all if there is one class only, which has no AUROC.
-
-    Examples
-    --------
-    >>> values, cells = auroc_contributions([[0.9, 0.1], [0.4, 0.6], [0.5, 0.5]], [0, 0, 1])
-    >>> Tally(values, cells).figure()
-    0.5
-    """
-    posterior, codes = np.asarray(probabilities, float), np.asarray(truths, np.intp)
-    present, sizes = np.unique(codes, return_counts=True)
-    values, n_rest = np.zeros(len(codes)), len(codes) - sizes
-    if len(present) < 2:
-        return values, np.full(len(codes), -1)
-    for label, size, others in zip(present, sizes, n_rest, strict=True):
-        scores, own = posterior[:, label], codes == label
-        above = np.empty(len(codes))
-        above[own] = (rankdata(scores)[own] - rankdata(scores[own])) / others
-        above[~own] = 1 - (rankdata(scores)[~own] - rankdata(scores[~own])) / size
-        # Both means are the AUROC, so one is taken off; the rest are a mean over several classes.
-        shares = np.bincount(codes)[codes] / others
-        values += np.where(own, above - above[own].mean(), above * shares)
-    return values, codes
-
-
 def log_losses(probabilities: ArrayLike, truths: ArrayLike) -> Array:
     """Return minus the logarithm of the probability of the true class.
 
@@ -209,31 +146,6 @@ def log_losses(probabilities: ArrayLike, truths: ArrayLike) -> Array:
     of_truth = posterior[np.arange(len(posterior)), codes]
     # A probability may exceed 1 by rounding, and a loss is never negative.
     return np.abs(np.log(np.clip(of_truth, np.finfo(float).eps, 1.0)))
-
-
-def brier_scores(probabilities: ArrayLike, truths: ArrayLike) -> Array:
-    """Return the squared error of the probabilities, summed over all classes [1]_.
-
-    Parameters
-    ----------
-    probabilities : array-like of shape (n_recordings, n_classes)
-        Probability of each class.
-    truths : array-like of int of shape (n_recordings,)
-        Index of the true class.
-
-    Returns
-    -------
-    scores : ndarray of shape (n_recordings,)
-        From 0 (certain and correct) to 2 (certain and wrong). For two classes this is twice the
-        score that counts one class only.
-
-    Examples
-    --------
-    >>> brier_scores([[0.5, 0.5], [1.0, 0.0], [1.0, 0.0]], [0, 0, 1])
-    array([0.5, 0. , 2. ])
-    """
-    posterior, codes = np.asarray(probabilities, float), np.asarray(truths)
-    return np.sum((posterior - np.eye(posterior.shape[1])[codes]) ** 2, axis=1)
 
 
 def reliability(

@@ -220,13 +220,4 @@ def _caveats(
             f"The decisions {others} are none of the classes and have no cost; they count as wrong "
             f"with cost 1. Put the estimator into a LeastRiskClassifier with their costs."
         )
-    caveats += scheme_caveats(held_out.schemes, table, rule)
-    if "macro_auroc" in table:
-        in_folds = predictions.groupby(["scheme", "fold"], sort=False)["true_label"].nunique()
-        fewest = in_folds.groupby("scheme", sort=False).min()
-        if (pooled := fewest < table["labels"].reindex(fewest.index)).any():
-            caveats.append(
-                f"Folds of {', '.join(map(repr, fewest.index[pooled]))} hold out some labels only: "
-                f"macro AUROC compares probabilities of different fits there."
-            )
-    return caveats
+    return caveats + scheme_caveats(held_out.schemes, table, rule)

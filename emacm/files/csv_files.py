@@ -20,9 +20,6 @@ from emacm.files.file_columns import FileColumns, RefusedFileError
 from emacm.recordings.names import is_time_name, printable, split_unit
 
 _SEPARATORS = (";", "\t", ",", "|")
-_EXACT: dict[str, Any] = (  # from pandas 3 on, numbers are read exactly by default
-    {"float_precision": "round_trip"} if int(pd.__version__.partition(".")[0]) < 3 else {}
-)
 _BLANK = "\0"  # begins the names of blank columns at the right, which no header can have
 _DATE = re.compile(r"\d{4}-\d\d?-\d\d?\b|\d\d?\.\d\d?\.\d{4}\b|\d\d?:\d\d:\d\d")  # at its start
 _QUOTED = re.compile(r'"\s*[+-]?\d+,\d+\s*"')  # a number with a decimal comma
@@ -40,9 +37,7 @@ class _Row(NamedTuple):
     is_comment: bool
 
 
-def read_csv(
-    path: Path, content: FileColumns, *, n_head: int = 200, longest: int = 100_000
-) -> None:
+def read_csv(path: Path, content: FileColumns) -> None:
     """Add the columns of a text file, and the numbers that its preamble states.
 
     Parameters
@@ -51,10 +46,6 @@ def read_csv(
         The file. Lines above the header, and rows of units below it, may be of any kind.
     content : FileColumns
         What is added to.
-    n_head : int
-        Lines in which separator and header are looked for.
-    longest : int
-        Limit of the length of these lines.
 
     Warns
     -----
@@ -66,6 +57,7 @@ def read_csv(
     RefusedFileError
         If it has no rows of numbers, or no header that belongs to them.
     """
+    n_head, longest = 200, 100_000  # lines with separator and header, and characters of each
     encoding = _encoding(path, n_head, longest)
     with open(path, encoding=encoding, newline=None) as file:
         lines = [file.readline(longest + 1) for _ in range(n_head)]
@@ -117,7 +109,8 @@ class TextTable(NamedTuple):
             If a row has more values than there are names, or an open quotation mark.
         """
         names = [name or f"{_BLANK}{number}" for number, name in enumerate(self.names)]
-        options |= _EXACT | {"sep": self.separator or r"\s+", "decimal": self.decimal}
+        options |= {"sep": self.separator or r"\s+", "decimal": self.decimal}
+        options |= {"float_precision": "round_trip"}  # numbers as float() reads them
         try:
             table = pd.read_csv(
                 source, header=None, names=names, index_col=False, low_memory=False, **options

@@ -351,67 +351,37 @@ def _channel_columns(
     return {name: name for name in rest}
 
 
-def stated_rates(content: FileColumns) -> dict[str, float]:
-    """Return the sampling rates that a file states [Hz], by column.
+def rates_of_columns(content: FileColumns, layout: Layout, times: str | None) -> dict[str, float]:
+    """Return sampling rates by column [Hz], from the file and its column of times.
 
-    A number named fs (or samplerate and the like) holds for the columns of its group, but not for
-    those that are shorter than the longest one: these have another rate. A number named fs_rpm or
-    rpm_fs holds for the column rpm. If the file states a unit of it, this must be Hz or kHz.
+    The rate of a single column comes first, then that of its group, then that of the times. Where
+    a layout states rates of single columns, that of a group is only their default.
 
     Parameters
     ----------
     content : FileColumns
         What the file contains.
+    layout : Layout
+        What it states of rates, times and units.
+    times : str or None
+        Column of times.
 
     Returns
     -------
     dict of str to float
 
+    Raises
+    ------
+    ValueError
+        If the times are not even.
+
     Examples
     --------
-    >>> stated_rates(FileColumns({"b": [0.0, 1.0]}, numbers={"fs": 25.0}))
+    >>> rates_of_columns(FileColumns({"b": [0.0, 1.0]}, numbers={"fs": 25.0}), Layout(), None)
     {'b': 25.0}
     """
-    rates: dict[str, float] = {}
-    for name, rate in _hertz(content).items():
-        last = re.split(r"[/.]", name)[-1]
-        if _is_rate(last):
-            columns = {c: len(v) for c, v in content.columns.items()}
-            columns = {c: n for c, n in columns.items() if c.startswith(name.removesuffix(last))}
-            longest = max(columns.values(), default=0)
-            rates |= {column: rate for column, n in columns.items() if n + 1 >= longest}
-    return rates | _own_rates(content)
-
-
-def _own_rates(content: FileColumns) -> dict[str, float]:
-    """Return the rates that a file states for single columns [Hz]."""
-    named = {
-        column: rate
-        for column in content.columns
-        for name, rate in _hertz(content).items()
-        for rest in (name.removesuffix(f"_{column}"), name.removeprefix(f"{column}_"))
-        if rest != name and _is_rate(rest)
-    }
-    return named | content.rates
-
-
-def _hertz(content: FileColumns) -> dict[str, float]:
-    """Return the numbers that may be rates [Hz]."""
-    hertz = {"": 1.0, "hz": 1.0, "khz": 1000.0}
-    sizes = {name: hertz.get(content.units.get(name, "").lower(), 0.0) for name in content.numbers}
-    return {name: x * sizes[name] for name, x in content.numbers.items() if x * sizes[name] > 0}
-
-
-def _is_rate(name: str) -> bool:
-    return re.sub("[^a-z]", "", name.lower()) in _RATES
-
-
-def rates_of_columns(content: FileColumns, layout: Layout, times: str | None) -> dict[str, float]:
-    """Return sampling rates by column [Hz], from the file and its column of times.
-
-    Where a layout states rates of single columns, a rate of all columns is only their default.
-    """
-    stated = (_own_rates if isinstance(layout.fs, Mapping) else stated_rates)(content)
+    of_groups, own = _stated_rates(content)
+    stated = own if isinstance(layout.fs, Mapping) else of_groups | own
     if times is None:
         return stated
     values = content.columns[times]
@@ -420,6 +390,36 @@ def rates_of_columns(content: FileColumns, layout: Layout, times: str | None) ->
     rate = rate_of_times(seconds_of(values, unit, times), times, fs)
     same = [name for name, other in content.columns.items() if len(other) == len(values)]
     return dict.fromkeys(same, rate) | stated
+
+
+def _stated_rates(content: FileColumns) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the rates that a file states for groups of columns, and for single ones [Hz].
+
+    A number named fs (or samplerate and the like) holds for the columns of its group, but not for
+    those that are shorter than the longest one: these have another rate. A number named fs_rpm or
+    rpm_fs holds for the column rpm. If the file states a unit of it, this must be Hz or kHz.
+    """
+    of_groups: dict[str, float] = {}
+    own: dict[str, float] = {}
+    for name, number in content.numbers.items():
+        rate = number * {"": 1, "hz": 1, "khz": 1000}.get(content.units.get(name, "").lower(), 0)
+        if not rate > 0:
+            continue
+        last = re.split(r"[/.]", name)[-1]
+        group = name.removesuffix(last)
+        if _is_rate(last):
+            lengths = {c: len(v) for c, v in content.columns.items() if c.startswith(group)}
+            longest = max(lengths.values(), default=0)
+            of_groups |= {column: rate for column, n in lengths.items() if n + 1 >= longest}
+        for column in content.columns:
+            rests = name.removesuffix(f"_{column}"), name.removeprefix(f"{column}_")
+            if any(rest != name and _is_rate(rest) for rest in rests):
+                own[column] = rate
+    return of_groups, own | content.rates
+
+
+def _is_rate(name: str) -> bool:
+    return re.sub("[^a-z]", "", name.lower()) in _RATES
 
 
 def _rate(
@@ -435,7 +435,7 @@ def _rate(
     if isinstance(stated, Mapping):
         by_name = {split_unit(key)[0]: rate for key, rate in stated.items()}
         stated = by_name.get(name, by_name.get(column))
-        default = stated_rates(content).get(column, default)
+        default = _stated_rates(content)[0].get(column, default)
     if isinstance(stated, str):
         number = content.find(stated, numbers=True)
         if number not in content.numbers:

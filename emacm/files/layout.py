@@ -21,17 +21,13 @@ from emacm.files.tables import read_table
 from emacm.recordings.names import chosen_channels, printable, split_unit
 
 
-def read_toml(path: Path, *, largest: int = 1 << 20, longest: int = 30_000) -> dict[str, Any]:
+def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file.
 
     Parameters
     ----------
     path : Path
         The file, in UTF-8, with or without a byte order mark.
-    largest : int
-        Limit of its size [bytes].
-    longest : int
-        Limit of the length of a line, as keys of many parts take long.
 
     Returns
     -------
@@ -46,6 +42,7 @@ def read_toml(path: Path, *, largest: int = 1 << 20, longest: int = 30_000) -> d
     """
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {str(path)!r}.")
+    largest, longest = 1 << 20, 30_000  # bytes of the file and of a line: deep keys take long
     lines = path.read_bytes().split(b"\n") if path.stat().st_size <= largest else []
     if not lines or max(map(len, lines)) > longest:
         raise ValueError(f"it has more than {largest} bytes, or {longest} in one line. Shorten it.")

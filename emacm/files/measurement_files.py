@@ -67,7 +67,7 @@ def add_array(content: FileColumns, name: str, values: Any) -> None:
         content.ignored[name] = f"has {array.ndim} dimensions {array.shape}"
 
 
-def check_stated_size(path: Path, stated: float, *, ratio: int = 200, free: int = 1 << 28) -> None:
+def check_stated_size(path: Path, stated: float) -> None:
     """Refuse a file that states more than it can hold, and would fill the memory.
 
     Parameters
@@ -76,17 +76,14 @@ def check_stated_size(path: Path, stated: float, *, ratio: int = 200, free: int 
         The file.
     stated : float
         Size of its arrays [bytes].
-    ratio : int
-        Limit of this size to that of the file; compressed measurements are below 20.
-    free : int
-        Size that is accepted of any file [bytes].
 
     Raises
     ------
     RefusedFileError
     """
     size = path.stat().st_size
-    if stated > max(free, ratio * size):
+    # Compressed measurements are below 20 times the size of the file; 256 MB do no harm.
+    if stated > max(1 << 28, 200 * size):
         raise RefusedFileError(
             f"it states arrays of {stated / 1e9:.4g} GB, but has {size} bytes. It is damaged, or "
             f"made to fill the memory. Leave it out."

@@ -128,14 +128,7 @@ def _ignore(name: str) -> str:
     return f"state fs, and time = false (in Python: False) to ignore {name!r}"
 
 
-def rate_of_times(
-    seconds: Times,
-    name: str,
-    fs: float | None = None,
-    *,
-    jitter: float = 0.1,
-    open_rate: float = 0.01,
-) -> float:
+def rate_of_times(seconds: Times, name: str, fs: float | None = None) -> float:
     """Return the sampling rate of evenly spaced times.
 
     Parameters
@@ -146,10 +139,6 @@ def rate_of_times(
         Name of the column, for messages.
     fs : float, optional
         Rate [Hz] that they must have.
-    jitter : float
-        Sampling intervals by which a time may deviate, apart from rounding.
-    open_rate : float
-        Fraction of the rate that rounding may leave open.
 
     Returns
     -------
@@ -159,8 +148,9 @@ def rate_of_times(
     Raises
     ------
     ValueError
-        If times do not increase, have gaps or jitter, or contradict `fs`, or are rounded so much
-        that they leave the rate open; the message names the sample.
+        If times do not increase, have gaps or jitter of over a tenth of a sampling interval, or
+        contradict `fs`, or are rounded so much that they leave over 1 % of the rate open; the
+        message names the sample.
 
     Examples
     --------
@@ -177,7 +167,7 @@ def rate_of_times(
     rate = float((len(seconds) - 1) / (seconds[-1] - seconds[0]))
     resolution = _rounding(seconds)
     n = np.arange(len(seconds))
-    if fs is None and resolution > max(open_rate * seconds[-1], 1.5 / rate):
+    if fs is None and resolution > max(0.01 * seconds[-1], 1.5 / rate):
         raise ValueError(
             f"time column {name!r} is rounded to {resolution:g} s, which leaves the sampling rate "
             f"open: about {rate:.3g} Hz. State fs, and time = false (in Python: False)."
@@ -187,7 +177,7 @@ def rate_of_times(
         if fs is None and np.abs(seconds - n / nominal).max() <= resolution + 1e-6 / nominal:
             return nominal
     candidate = rate if fs is None else fs
-    if np.abs(seconds - n / candidate).max() <= jitter / candidate + resolution:
+    if np.abs(seconds - n / candidate).max() <= 0.1 / candidate + resolution:
         return candidate
     usual = float(np.median(steps))
     place = int(np.argmax(np.abs(steps - usual)))
@@ -199,20 +189,20 @@ def rate_of_times(
     )
 
 
-def _rounding(seconds: Times, *, few: int = 5, most: float = 0.9) -> float:
+def _rounding(seconds: Times) -> float:
     """Return by how much times are rounded [s]: the coarsest decimal of which all are multiples.
 
-    Where `most` of the steps are equal, to less than `few` such decimals, they are exact: the rate
-    is a round one, and the other steps are gaps.
+    Where 90 % of the steps are equal, and less than five such decimals, they are exact: the rate is
+    a round one, and the other steps are gaps.
     """
     decimal, steps = 1e-9, np.diff(seconds)
     smallest = float(steps[steps > 0].min())
     for digits in range(9):
         multiples = seconds[:1000] * 10.0**digits
         whole = np.allclose(multiples, np.rint(multiples), rtol=0, atol=1e-3)
-        if whole and smallest * 10.0**digits > most:
+        if whole and smallest * 10.0**digits > 0.9:
             decimal = 10.0**-digits
             break
     usual = float(np.median(steps))
-    are_equal = np.mean(np.abs(steps - usual) < decimal / 2) > most
-    return 0.0 if decimal / 2 < usual < few * decimal and are_equal else decimal
+    are_equal = np.mean(np.abs(steps - usual) < decimal / 2) > 0.9
+    return 0.0 if decimal / 2 < usual < 5 * decimal and are_equal else decimal

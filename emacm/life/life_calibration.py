@@ -132,17 +132,14 @@ def read_histories(X: Array, groups: Any, onset: float | None, consecutive: int)
     return histories
 
 
-def with_lives(
-    histories: list[History], remaining: Array, censored: Any, tolerance: float = 1e-6
-) -> list[History]:
+def with_lives(histories: list[History], remaining: Array, censored: Any) -> list[History]:
     """Return the histories with the age at the end of each unit, and whether it failed then.
 
     Raises
     ------
     ValueError
-        If age and remaining life of a unit do not add up to the same positive life, up to a
-        relative `tolerance`; or if `censored` has another length, or differs between the readings
-        of a unit.
+        If age and remaining life of a unit do not add up to the same positive life; or if
+        `censored` has another length, or differs between the readings of a unit.
     """
     ended = np.zeros(len(remaining)) if censored is None else np.asarray(censored)
     if ended.shape != remaining.shape or not np.isin(ended, (0, 1)).all():
@@ -153,7 +150,7 @@ def with_lives(
     units = []
     for unit in histories:
         ends, own = unit.ages + remaining[unit.rows], ended[unit.rows].astype(bool)
-        wrong = (np.abs(ends - ends[0]) > tolerance * abs(ends[0])) | (ends <= 0)
+        wrong = (np.abs(ends - ends[0]) > 1e-6 * abs(ends[0])) | (ends <= 0)
         if wrong.any():
             row = int(np.argmax(wrong))
             raise ValueError(
@@ -362,11 +359,11 @@ class LifeModels:
             found[first:] = self.damage.cdf(remaining[first:], table[:, np.newaxis, :])
         return found
 
-    def quantiles(self, unit: History, levels: Array, n_halvings: int = 60) -> Array:
+    def quantiles(self, unit: History, levels: Array) -> Array:
         """Return the remaining lives with these probabilities, (n_readings, n_levels)."""
         low = np.full(levels.shape, self.population.intercept - 25.0)
         high = low + 50.0
-        for _ in range(n_halvings):
+        for _ in range(60):
             middle = (low + high) / 2
             below = self.cdf(unit, np.exp(middle)) < levels
             low, high = np.where(below, middle, low), np.where(below, high, middle)

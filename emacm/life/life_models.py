@@ -49,9 +49,6 @@ class WeibullRegression:
         lives: Array,
         failed: NDArray[np.bool_],
         weights: Array,
-        *,
-        ridge: float = 1e-2,
-        widest_shape: float = 50.0,
     ) -> WeibullRegression:
         """Estimate by maximum likelihood with a small ridge; other lives are censored.
 
@@ -65,11 +62,8 @@ class WeibullRegression:
             Whether the unit failed at the end of this life.
         weights : ndarray of shape (n_readings,)
             Weight of each reading.
-        ridge : float
-            Penalty of standardised coefficients, so that few units give finite ones.
-        widest_shape : float
-            Largest shape; equal lives would give an infinite one.
         """
+        ridge = 1e-2  # of standardised coefficients: few units give finite ones
         logs, n_columns = np.log(lives), table.shape[1]
         mean = np.average(table, axis=0, weights=weights)
         scale = np.sqrt(np.average((table - mean) ** 2, axis=0, weights=weights))
@@ -93,7 +87,9 @@ class WeibullRegression:
 
         start = np.zeros(n_columns + 2)
         start[-1] = np.log(max(float(logs.std()), 0.1))
-        bounds = [(None, None)] * (n_columns + 1) + [(-np.log(widest_shape), 3.0)]
+        bounds = [(None, None)] * (n_columns + 1) + [
+            (-np.log(50.0), 3.0)
+        ]  # equal lives: no infinite shape
         found = minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds).x
         slopes = found[1:-1] / scale
         return cls(float(middle + found[0] - slopes @ mean), slopes, float(np.exp(found[-1])))

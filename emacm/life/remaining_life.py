@@ -419,9 +419,9 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         self._warn_outside(X)
         return self._quantiles(units, np.broadcast_to(levels, (len(X), len(levels))))
 
-    def _warn_outside(self, X: Array, *, margin: float = 0.1) -> None:
+    def _warn_outside(self, X: Array) -> None:
         """Warn of readings far outside the range of the fit, naming the first."""
-        texts = outside_fit(X, self._fitted_range, margin=margin)
+        texts = outside_fit(X, self._fitted_range, margin=0.1)
         rows = [row for row, text in enumerate(texts) if text]
         if rows:
             warn(

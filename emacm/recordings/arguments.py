@@ -183,10 +183,10 @@ def check_indices(series: Mapping[str, tuple[Any, float]]) -> None:
             )
 
 
-def _check_times(index: Any, rate: float, name: str, *, tolerance: float = 0.6) -> None:
-    """Refuse times that deviate from the rate by more than a part of a sampling interval."""
+def _check_times(index: Any, rate: float, name: str) -> None:
+    """Refuse times that deviate from the rate by more than 0.6 of a sampling interval."""
     seconds = np.asarray((index - index[0]) / pd.Timedelta(1, "s"))
-    off = ~(np.abs(seconds - np.arange(len(index)) / rate) <= tolerance / rate)  # also if missing
+    off = ~(np.abs(seconds - np.arange(len(index)) / rate) <= 0.6 / rate)  # also if missing
     if off.any():
         place = int(np.argmax(off))
         raise ValueError(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 Value = TypeVar("Value")
 
 
-def content_digest(facts: str, arrays: Iterable[NDArray[Any]], *, block: int = 1 << 20) -> str:
+def content_digest(facts: str, arrays: Iterable[NDArray[Any]]) -> str:
     """Return the SHA-256 of arrays and of further facts.
 
     Parameters
@@ -26,8 +26,6 @@ def content_digest(facts: str, arrays: Iterable[NDArray[Any]], *, block: int = 1
         Names, rates and the like.
     arrays : iterable of ndarray
         Their dtypes, shapes and values count; how they lie in memory does not.
-    block : int
-        Samples that are read at once, so that a long file takes no memory.
 
     Returns
     -------
@@ -43,6 +41,7 @@ def content_digest(facts: str, arrays: Iterable[NDArray[Any]], *, block: int = 1
     >>> content_digest("", [square]) == content_digest("", [square.astype(np.float32)])
     False
     """
+    block = 1 << 20  # samples that are read at once, so that a long file takes no memory
     total = sha256(facts.encode("utf-8", "surrogatepass"))
     for array in arrays:
         digest = sha256(f"{array.dtype.str}{array.shape}".encode())

@@ -148,13 +148,13 @@ def check_channels(
             )
 
 
-def described(recording: Any, index: int, *, longest: int = 200) -> str:
+def described(recording: Any, index: int) -> str:
     """Return the number of a recording and its meta, as numbers change within folds."""
     meta = getattr(recording, "meta", None)
     if not isinstance(meta, Mapping) or not meta:
         return f"recording {index}"
     text = " ".join(", ".join(f"{key}={value!r}" for key, value in meta.items()).split())
-    return f"recording {index} ({text if len(text) <= longest else text[:longest] + ' ...'})"
+    return f"recording {index} ({text if len(text) <= 200 else text[:200] + ' ...'})"
 
 
 def entry_name(X: Any, index: int) -> str:

@@ -202,7 +202,7 @@ def model_facts(model: Any, path: Path | None = None) -> Facts:
     return facts + ([("Saved under", ", ".join(others))] if others else [])
 
 
-def _shortened(texts: list[str], between: str = ", ", *, most: int = 12) -> str:
-    """Return channels, classes or entries of meta, and how many are left out."""
-    more = len(texts) - most
-    return between.join(texts[:most]) + (f" and {more} more" if more > 0 else "")
+def _shortened(texts: list[str], between: str = ", ") -> str:
+    """Return the first 12 channels, classes or entries of meta, and how many are left out."""
+    more = len(texts) - 12
+    return between.join(texts[:12]) + (f" and {more} more" if more > 0 else "")

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from emacm.displays._drawing import offscreen_panels
 from emacm.displays.domain import DomainDisplay
+from emacm.displays.drawing import offscreen_panels
 from emacm.evaluation.results import as_texts
 from emacm.models.evidence import evidence_table
 from emacm.models.model_files import model_description

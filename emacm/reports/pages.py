@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import fitted_resamplers, parts_of, search_estimator
 from emacm.decisions.risks import LeastRiskMixin
-from emacm.displays._tables import envelopes_of
+from emacm.displays.drawn_values import envelopes_of
 from emacm.explanations.deviations import class_deviations, second_state_statement
 from emacm.explanations.explain import explain_decision
 from emacm.machine.fault_lines import FaultLines

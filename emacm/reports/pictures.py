@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from emacm.displays import _drawing
-from emacm.displays._bars import name_bins
+from emacm.displays import drawing
+from emacm.displays.bars import name_bins
 from emacm.displays.power import OrderSpectrumDisplay
 from emacm.machine.fault_orders import fault_series
 from emacm.reports.facts import channel_name
@@ -43,15 +43,15 @@ def drawn(page: Page) -> tuple[Any, str]:
     if not titles:
         return None, ""
     height = 5.0 if len(titles) > 1 else 2.8  # inches
-    figure, axes = _drawing.offscreen_panels(len(titles), height=height)
+    figure, axes = drawing.offscreen_panels(len(titles), height=height)
     if channel is not None:
         _draw_spectrum(page, channel, axes[0, 0])
     if bars is not None:
         _draw_bars(page.reference, bars, axes[-1, 0])
     for ax in axes[:, 0]:
-        ax.tick_params(labelsize=_drawing.SMALL)
-        ax.xaxis.label.set_size(_drawing.SMALL)
-        ax.yaxis.label.set_size(_drawing.SMALL)
+        ax.tick_params(labelsize=drawing.SMALL)
+        ax.xaxis.label.set_size(drawing.SMALL)
+        ax.yaxis.label.set_size(drawing.SMALL)
     return figure, " and ".join(titles)
 
 
@@ -81,7 +81,7 @@ def _draw_spectrum(page: Page, channel: str, ax: Any) -> None:
         own = page.deviations[(names == channel) & page.deviations["reference_level"].notna()]
         own = own[own["high"] > own["low"]].sort_values("low")
         density = own["reference_level"] - 10 * np.log10(own["high"] - own["low"])
-        style = {"color": _drawing.COLOURS[0], "linewidth": 1.4, "zorder": 3}
+        style = {"color": drawing.COLOURS[0], "linewidth": 1.4, "zorder": 3}
         label = f"mean of {page.reference}"
         ax.hlines(density, own["low"], own["high"], label=label if len(own) else None, **style)
     orders, power = page.spectra[channel]
@@ -121,7 +121,7 @@ def _draw_bars(reference: str, bars: pd.DataFrame, ax: Any) -> None:
         width = (bars["high"] - bars["low"]).to_numpy()
         step = np.median(np.diff(bars["low"])) if len(bars) > 1 else 1.0
         width = np.where(width > 0, width, step)  # spectral lines have no width
-    colours = [_drawing.COLOURS[1] if raised else "0.6" for raised in bars["raised"]]
+    colours = [drawing.COLOURS[1] if raised else "0.6" for raised in bars["raised"]]
     look = {"color": colours, "edgecolor": "white", "linewidth": 0.3}
     ax.bar(centre, bars["deviation"], width, **look)
     ax.axhline(0, color="black", linewidth=0.6)
@@ -130,5 +130,5 @@ def _draw_bars(reference: str, bars: pd.DataFrame, ax: Any) -> None:
     if named:
         name_bins(ax, [str(column).rpartition("__")[2] for column in bars["column"]])
     else:
-        ax.set(xlabel=_drawing.ORDER_LABEL, xlim=(0, float((centre + width / 2).max())))
-    _drawing.label_y(ax, f"deviation from {reference}", unit)
+        ax.set(xlabel=drawing.ORDER_LABEL, xlim=(0, float((centre + width / 2).max())))
+    drawing.label_y(ax, f"deviation from {reference}", unit)

@@ -550,12 +550,13 @@ def _kernel_halves() -> NDArray[np.floating]:
     return np.array(halves)
 
 
-def _kernel_spectrum(frequency: NDArray[np.floating]) -> NDArray[np.floating]:
+def _kernel_spectrum(frequency: NDArray[np.floating]) -> NDArray[np.float64]:
     """Fourier transform of the kernel at frequencies in cycles per grid point."""
     node, weight = np.polynomial.legendre.leggauss(40)
     spectrum = np.zeros(len(frequency))
     for k, half in zip(reversed(range(DESIGN.width // 2)), _kernel_halves(), strict=True):
-        distance, value = node / 2 + 0.5 + k, Polynomial(half)(node / 2)
+        distance = node / 2 + 0.5 + k
+        value = np.asarray(Polynomial(half)(node / 2), np.float64)
         # The kernel is even: a point above the sample counts as one below.
         spectrum += np.cos(2 * np.pi * np.outer(frequency, distance)) @ (weight * value)
     return spectrum

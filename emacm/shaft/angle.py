@@ -112,7 +112,7 @@ def angle_from_wrapped(angle: ArrayLike, *, period: float = 2 * np.pi) -> Angle:
             f"{span:.6g} and steps by {steps.max():.6g} after sample {int(steps.argmax())}. Set "
             f"period to one revolution: 360 for degrees, the number of counts for an encoder."
         )
-    return np.unwrap(values, period=period) * (2 * np.pi / period)
+    return np.asarray(np.unwrap(values, period=period) * (2 * np.pi / period), np.float64)
 
 
 def is_wrapped(angle: ArrayLike) -> bool:

@@ -99,7 +99,7 @@ class IntegratedAngle(LazySeries):
         known: list[NDArray[np.floating]] = [np.zeros(1)]
         at_once = 512 * _STRIDE
         for first in range(0, len(velocity), at_once):
-            angle = self._sums(first, first + at_once + 1, known[-1][-1:], at_once + 1)
+            angle = self._from(known[-1][-1], first, first + at_once + 1)
             known.append(angle[_STRIDE::_STRIDE].copy())
         self._known = np.concatenate(known)
 
@@ -111,12 +111,12 @@ class IntegratedAngle(LazySeries):
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return the angles `start` to `stop` (exclusive) [rad]."""
         first = start // _STRIDE
-        angle = self._sums(first * _STRIDE, stop, self._known[first:], _STRIDE)
-        return angle[start - first * _STRIDE :]
+        return self._from(self._known[first], first * _STRIDE, stop)[start - first * _STRIDE :]
 
-    def _sums(self, start: int, stop: int, starts: Any, stride: int) -> NDArray[np.floating]:
+    def _from(self, angle: float, start: int, stop: int) -> NDArray[np.floating]:
+        """Continue from the angle at a sample."""
         velocity = np.ascontiguousarray(self._velocity[start:stop])
-        return self._integrate(velocity, self._half_step, starts, stride)
+        return self._integrate(velocity, self._half_step, angle)
 
 
 class DifferentiatedVelocity(LazySeries):
@@ -520,16 +520,7 @@ class Jump(NamedTuple):
     angle: float
 
 
-def largest_jump(
-    velocity: Series,
-    fs: float,
-    *,
-    width: int = 2,
-    reach: int = 12,
-    above_neighbours: float = 6.0,
-    above_median: float = 10.0,
-    above_mean: float = 4.0,
-) -> Jump | None:
+def largest_jump(velocity: Series, fs: float) -> Jump | None:
     """Return the largest isolated jump of the shaft angle, or None.
 
     A jump is a section of at most three samples with a speed of more than six times the highest
@@ -544,12 +535,6 @@ def largest_jump(
         Shaft velocity [rad/s].
     fs : float
         Its sampling rate [Hz].
-    width, reach : int
-        A jump is less than `width` samples wide on either side; it is compared with the speed from
-        there to `reach` samples away.
-    above_neighbours, above_median, above_mean : float
-        Multiples of the highest speed near by, of the median speed while turning (more than a count
-        of an encoder) and of the mean speed; where no speed is above the last, there is no jump.
 
     Examples
     --------
@@ -559,21 +544,23 @@ def largest_jump(
     Jump(sample=40, angle=5.06)
     """
     jumps: list[Jump] = []
-    beside = np.r_[-reach : 1 - width, width : reach + 1]
+    reach = 12
+    beside = np.r_[-reach:-1, 2 : reach + 1]
     for first in range(0, len(velocity), BLOCK):
         low, high = max(first - reach, 0), min(first + BLOCK + reach, len(velocity))
         signed = velocity[low:high]
-        # The mean velocity is at most the mean speed, and takes no copy.
-        if max(-signed.min(), signed.max()) <= above_mean * abs(signed.mean()):
+        # No jump without four times the mean speed. The mean velocity is less, and takes no copy.
+        if max(-signed.min(), signed.max()) <= 4 * abs(signed.mean()):
             continue
         speed = np.abs(signed)
-        if speed.max() <= above_mean * speed.mean():
+        if speed.max() <= 4 * speed.mean():
             continue
-        fast = np.flatnonzero(speed > above_median * np.median(speed[speed > 0]))
+        # The median while turning; a count of an encoder is less than ten times as fast.
+        fast = np.flatnonzero(speed > 10 * np.median(speed[speed > 0]))
         # Beyond its ends the speed continues: a motion that starts in the last sample is no jump.
         near = signed[np.clip(fast[:, np.newaxis] + beside, 0, len(signed) - 1)]
         near *= np.sign(signed[fast, np.newaxis])  # a spike returns: only the same way counts
-        fast = fast[speed[fast] > above_neighbours * near.max(axis=1, initial=0.0)]
+        fast = fast[speed[fast] > 6 * near.max(axis=1, initial=0.0)]
         # A jump of an angle shows in two samples of its central difference, a spike two apart.
         padded = np.pad(signed, 2)
         for k in fast.tolist():

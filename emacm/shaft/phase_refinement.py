@@ -17,7 +17,6 @@ from scipy import fft, ndimage
 from scipy.interpolate import PchipInterpolator
 
 from emacm.shaft.speed_evidence import Whitened
-from emacm.shaft.speed_settings import SETTINGS
 
 Array = NDArray[np.floating]
 
@@ -78,7 +77,7 @@ def refined_speed(course: Course, orders: Array) -> tuple[Array, NDArray[np.bool
     analytic: NDArray[np.complex128] = fft.ifft(spectrum)
     window = course.duration / (4 if course.duration >= 1 else 2)
     hop = max(1, int(window * white.fs / 2))
-    for _ in range(SETTINGS.rounds):
+    for _ in range(3):
         turns = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2)]) / white.fs
         centres, change, _ = _phase_speeds(analytic, turns, orders, hop, white.fs)
         trusted = np.interp(centres, course.times, course.trusted.astype(float)) > 0
@@ -116,7 +115,7 @@ def _phase_speeds(
         blocks = np.add.reduceat(wave, starts) / length
         return np.asarray((blocks[1:] + blocks[:-1]) / 2, np.complex128)
 
-    aside = np.exp(-2j * np.pi * SETTINGS.aside * turns)
+    aside = np.exp(-2j * np.pi * 0.41 * turns)  # where no order is
     waves = _demodulated(analytic, turns, orders)
     centre = (starts[1:] + 0.0) / fs
     middle, apart = (centre[1:] + centre[:-1]) / 2, np.diff(centre)
@@ -125,13 +124,13 @@ def _phase_speeds(
         line = joined(wave)
         between = np.mean(np.abs(joined(wave * aside)) ** 2) + 1e-300
         power = np.mean(np.abs(line) ** 2)
-        if power < SETTINGS.clear_phase * between:
+        if power < 4 * between:  # the phase of a weaker line is that of noise
             continue
         step = line[1:] * np.conj(line[:-1])
         clear.append(order)
         steps.append(step / power)
-        # Beyond ten times the noise, a line says no more than others: it may not be the order's.
-        weights.append(np.minimum(np.abs(step) / between, 10 * SETTINGS.clear_phase))
+        # Beyond ten times this limit, a line says no more than others: it may not be the order's.
+        weights.append(np.minimum(np.abs(step) / between, 40))
     if not clear:
         return middle, np.zeros(len(middle)), (np.zeros(0), 0.0)
     lines, found = np.array(steps), np.array(clear)
@@ -171,8 +170,9 @@ def _lines_of_shaft(
     frequency lie at the same distance from several orders; their spacing is the speed. As any two
     lines have a spacing, sidebands must be more by two lines than others.
     """
-    tolerance = SETTINGS.apart / duration + SETTINGS.agreed * orders * speed
-    first, second = np.nonzero(np.subtract.outer(orders, orders) <= -SETTINGS.leverage)
+    tolerance = 0.1 / duration + 5e-5 * orders * speed
+    # Two lines must be three orders apart for their spacing to give the speed.
+    first, second = np.nonzero(np.subtract.outer(orders, orders) <= -3)
     spacing = (moved[second] - moved[first]) / (orders[second] - orders[first])
     changes = np.concatenate([moved / orders, spacing])
     shifts = np.concatenate([np.zeros(len(orders)), moved[first] - orders[first] * spacing])
@@ -180,7 +180,7 @@ def _lines_of_shaft(
     agreed = np.abs(left) <= tolerance
     votes = np.sum(agreed * (1 - (left / tolerance) ** 2), axis=1)  # a near line counts more
     votes[len(orders) :] -= 2
-    votes[np.abs(changes) > SETTINGS.furthest * speed] = 0
+    votes[np.abs(changes) > 5e-3 * speed] = 0  # that is another speed
     best = int(np.argmax(votes))  # the lowest order of equals
     chosen = np.asarray(agreed[best])
     sidebands = best >= len(orders)
@@ -230,7 +230,7 @@ def steady_seconds(
     if not (sums and reliable.any()):
         return steady
     speed = (turns[-1] - turns[0]) / (len(turns) / fs)
-    for shortest in SETTINGS.blocks:
+    for shortest in (0.1, 0.2, 0.4, 0.8):  # seconds, rounded up to whole periods
         length = np.ceil(shortest * speed * gap) / gap
         n_halves = int((turns[-1] - turns[0]) / (length / 2))
         starts = turns[0] + np.arange(n_halves - 1) * (length / 2)
@@ -239,15 +239,17 @@ def steady_seconds(
         last = np.maximum(np.searchsorted(turns, starts + length), first + 1)
         blocks = np.array([(total[last] - total[first]) / (last - first) for total in sums])
         levels = np.mean(np.abs(blocks) ** 2, axis=1)
-        weights = np.minimum(levels, SETTINGS.line_weight * np.median(levels))
+        weights = np.minimum(levels, 4 * np.median(levels))  # no line decides alone
         weights /= max(weights.sum(), 1e-300)
-        few = weights @ weights > 1 / SETTINGS.few_lines
-        if n_halves < 4 or (few and length / speed > SETTINGS.short_block):
+        # Fewer than 2.5 lines of equal weight may keep their phases by chance: a reversal of a
+        # tenth of a second would be hidden in longer blocks.
+        few = weights @ weights > 1 / 2.5
+        if n_halves < 4 or (few and length / speed > 0.21):
             continue
-        changes, known = _largest_changes(blocks, weights, first / fs, last / fs, reliable)
-        least, factor, most = SETTINGS.steady_change
-        steady = changes < min(least + factor * known, most)
-        if known < SETTINGS.noise_change:
+        # 0 to 2; independent phases change by 1.
+        changes, usual = _largest_changes(blocks, weights, first / fs, last / fs, reliable)
+        steady = changes < min(0.2 + 3 * usual, 0.6)
+        if usual < 0.2:  # else noise alone may explain a change
             break
     return steady
 

@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 from scipy import fft, ndimage
 from scipy.signal import hilbert
 
-from emacm.shaft.speed_settings import SETTINGS
-
 Array = NDArray[np.floating]
 
 
@@ -92,7 +90,10 @@ class Comb(NamedTuple):
 
 
 def comb_heights(signal: Array, fs: float, lowest: float, highest: float) -> tuple[Array, Array]:
-    """Return frequencies and heights [dB] of a spectrum over its median in half of `lowest`."""
+    """Return frequencies and heights [dB] of a spectrum over its median in half of `lowest`.
+
+    From 30 dB on, all lines count alike.
+    """
     n_fft = fft.next_fast_len(4 * len(signal), real=True)
     power = np.abs(fft.rfft((signal - signal.mean()) * np.hanning(len(signal)), n_fft)) ** 2
     levels = 10 * np.log10(power[: int(highest * n_fft / fs)] + 1e-30)
@@ -102,7 +103,7 @@ def comb_heights(signal: Array, fs: float, lowest: float, highest: float) -> tup
     centres = (np.arange(n_blocks) + 0.5) * len(levels) / n_blocks
     bins = np.arange(len(levels))
     background = np.interp(bins, centres, [np.median(block) for block in blocks])
-    return bins * fs / n_fft, np.clip(levels - background, 0, SETTINGS.comb_height)
+    return bins * fs / n_fft, np.clip(levels - background, 0, 30)
 
 
 def find_comb(signal: Array, fs: float, speeds: tuple[float, float]) -> Comb:
@@ -111,7 +112,7 @@ def find_comb(signal: Array, fs: float, speeds: tuple[float, float]) -> Comb:
     The spectrum is that of the whole signal, so the speed must be constant. In decibels, with
     limited heights, no strong line decides alone.
     """
-    orders = np.arange(1.0, SETTINGS.comb_orders + 1)
+    orders = np.arange(1.0, 7)
     frequencies, heights = comb_heights(signal, fs, speeds[0], (orders[-1] + 1) * speeds[1])
     grid = np.arange(*speeds, frequencies[1] / (2 * orders[-1]))
     levels = _mean_height(frequencies, heights, grid, orders)
@@ -146,8 +147,7 @@ def find_shaft(
     Comb
         `level` is the lower of the mean heights of the orders and of the family.
     """
-    orders = np.arange(1.0, SETTINGS.comb_orders + 1)
-    harmonics = np.arange(1.0, SETTINGS.part_harmonics + 1)
+    orders, harmonics = np.arange(1.0, 7), np.arange(1.0, 4)
     least, most = min(low for low, _ in families), max(high for _, high in families)
     top = min(fs / 2, speeds[1] * max(orders[-1], most * harmonics[-1]) * 1.01)
     spectrum = fft.rfft(samples - samples.mean())
@@ -159,10 +159,13 @@ def find_shaft(
     grid = np.exp(np.arange(np.log(speeds[0]), np.log(speeds[1]), step))
     start = np.log(speeds[0] * least)
     lines = np.exp(np.arange(start, np.log(speeds[1] * most) + step, step))
-    found = [_mean_height(frequencies, each, lines, harmonics) for each in (heights, of_envelope)]
+    of_lines = np.maximum(
+        _mean_height(frequencies, heights, lines, harmonics),
+        _mean_height(frequencies, of_envelope, lines, harmonics),
+    )
     family = np.zeros(len(grid))
     for low, high in families:
-        within = ndimage.maximum_filter1d(np.maximum(*found), int(np.log(high / low) / step) + 1)
+        within = ndimage.maximum_filter1d(of_lines, int(np.log(high / low) / step) + 1)
         places = np.rint((np.log(grid * np.sqrt(low * high)) - start) / step).astype(np.intp)
         family = np.maximum(family, within[np.minimum(places, len(within) - 1)])
     shaft = _mean_height(frequencies, heights, grid, orders)
@@ -189,7 +192,7 @@ def _highest(levels: Array, speeds: Array, lobe: float) -> tuple[int, float]:
     return best, float(levels[best] - levels[others].max(initial=levels.min()))
 
 
-def whiten(signal: Array, fs: float, highest: float, smoothing: float) -> Whitened:
+def whiten(signal: Array, fs: float, highest: float, duration: float) -> Whitened:
     """Flatten the background of a signal, remove lines of the mains, and reduce the rate.
 
     Parameters
@@ -200,8 +203,9 @@ def whiten(signal: Array, fs: float, highest: float, smoothing: float) -> Whiten
         Sampling rate [Hz].
     highest : float
         Highest frequency of interest [Hz], below fs / 2.
-    smoothing : float
-        What is broader than this on either side [Hz] is background, such as a resonance.
+    duration : float
+        Of the frames in which lines are looked for [s]. What is broader than 16 / duration on
+        either side is background, such as a resonance.
 
     Returns
     -------
@@ -213,16 +217,16 @@ def whiten(signal: Array, fs: float, highest: float, smoothing: float) -> Whiten
     frequencies = np.arange(len(spectrum)) * (fs / n_fft)
     kept = int(np.searchsorted(frequencies, highest)) + 1
     # The background is the power between the lines, over frequency.
-    n_frame = min(n_times, int(SETTINGS.background_frame * fs)) // 2 * 2
+    n_frame = min(n_times, int(4 * fs)) // 2 * 2
     n_bins = int(highest * n_frame / fs) + 2
     mean = _powers(signal, n_frame, np.zeros(1), fs)[0][:, 0, :n_bins].mean(axis=0)
-    size = 2 * max(4, round(smoothing * n_frame / fs)) + 1
+    size = 2 * max(4, round(16 / duration * n_frame / fs)) + 1
     background = ndimage.median_filter(mean, size, mode="nearest")
     level = np.interp(frequencies[:kept], np.arange(len(mean)) * (fs / n_frame), background)
     flat = spectrum[:kept] / np.sqrt(np.maximum(level, 1e-300))
     mains = _mains_lines(flat, fs / n_fft, n_times / fs)
     for line in mains:
-        reach = SETTINGS.mains_tolerance * line + 2 * fs / n_times
+        reach = _mains_reach(line, 2 * fs / n_times)
         flat[np.abs(frequencies[:kept] - line) < reach] = 0
     n_reduced = fft.next_fast_len(min(4 * kept, n_fft), real=True)
     padded = np.zeros(n_reduced // 2 + 1, complex)
@@ -271,37 +275,50 @@ def measure(
     rates = slope * (np.arange(n_rates) - n_rates // 2)
     powers, starts = _powers(white.signal, n_frame, rates, white.fs)
     spacing = white.fs / n_frame
-    usable = np.ones(powers.shape[-1], bool)
-    usable[: int(np.ceil(SETTINGS.lobe)) + 1] = False
-    usable[int(top / spacing) + 1 :] = False
-    for line in white.mains if duration >= 1 else ():
-        bins = np.abs(np.arange(len(usable)) * spacing - line)
-        usable &= bins > SETTINGS.lobe * spacing + SETTINGS.mains_tolerance * line
-    if not usable.any():
-        usable[1:] = True
+    usable = _usable_bins(white, powers.shape[-1], duration, top)
     level = np.median(powers[:, n_rates // 2, usable], axis=-1)  # that between the lines
     powers /= np.maximum(level, 1e-300)[:, np.newaxis, np.newaxis]
-    # The skirts of a strong line are no lines.
-    skirts = powers < SETTINGS.skirt * ndimage.maximum_filter1d(powers, 13, axis=-1)
+    # The skirts of a strong line, up to six bins away, are no lines.
+    skirts = powers < 0.02 * ndimage.maximum_filter1d(powers, 13, axis=-1)
     powers[skirts] = np.minimum(powers[skirts], 1.0)
     places, ranks = _rank_of(powers, usable)
-    grid = np.arange(speeds[0], speeds[1] + 1e-9, SETTINGS.speed_step * spacing / top_order)
+    grid = np.arange(speeds[0], speeds[1] + 1e-9, spacing / (2 * top_order))  # half a bin
     rows = []
-    for present, shape in SETTINGS.lines:
+    # Probability that an order has a line, and the distribution of its rank, Beta(shape, 1): of the
+    # first two orders, which have lines in nearly all machines, and of the others.
+    for present, shape in ((0.95, 0.08), (0.8, 0.25)):
         # Log likelihood ratios of "line of the shaft" to "any bin".
         table = np.log(1 - present + present * shape * ranks ** (shape - 1))
         score = table.astype(np.float32)[places]
         score[..., ~usable] = 0
         rows.append(np.ascontiguousarray(score.reshape(-1, score.shape[-1]).T))
     if orders is None:
-        found = _sum_over_first_orders(rows, grid / spacing, counts)
+        sums = _sum_over_first_orders(rows, grid / spacing, counts)
     else:
-        found = _on_lattice(rows[:1], grid / spacing, orders, (len(orders),))
-    ratios = found.T.reshape(len(starts), n_rates, len(grid))
-    chosen = ratios.argmax(axis=1)
+        sums = _on_lattice(rows[:1], grid / spacing, orders, (len(orders),))
+    ratios = sums.T.reshape(len(starts), n_rates, len(grid))
     times = (starts + n_frame / 2) / white.fs
     likely = ratios.max(axis=1).astype(np.float64) - np.log(n_rates)
-    return Evidence(times, grid, likely, rates[chosen], duration, float(rates[-1]))
+    return Evidence(times, grid, likely, rates[ratios.argmax(axis=1)], duration, float(rates[-1]))
+
+
+def _usable_bins(
+    white: Whitened, n_bins: int, duration: float, highest: float
+) -> NDArray[np.bool_]:
+    """Return the bins up to a frequency [Hz] without the mean and the lines of the mains."""
+    lobe = 1.6 / duration  # half the main lobe of a Hann window, and a little less
+    frequencies = np.arange(n_bins) / duration
+    usable = (np.arange(n_bins) >= 3) & (np.arange(n_bins) <= int(highest * duration))
+    for line in white.mains if duration >= 1 else ():
+        usable &= np.abs(frequencies - line) > _mains_reach(line, lobe)
+    if not usable.any():
+        usable[1:] = True
+    return usable
+
+
+def _mains_reach(line: float, resolution: float) -> float:
+    """Return how far from its frequency a line of the mains may be [Hz]: grids keep 0.1 %."""
+    return 1e-3 * line + resolution
 
 
 def _mains_lines(flat: NDArray[np.complex128], spacing: float, length: float) -> Array:
@@ -311,21 +328,22 @@ def _mains_lines(flat: NDArray[np.complex128], spacing: float, length: float) ->
     or a bearing lie near some multiples of the other one by chance.
     """
     power = np.abs(flat) ** 2
-    found: Array = np.empty(0)
+    lines_of_supply: Array = np.empty(0)
     most = 0.0
-    for mains in SETTINGS.mains:
+    for mains in (50.0, 60.0):
         lines = mains * np.arange(1, int(len(flat) * spacing / mains) + 1)
         heights = np.zeros(len(lines))
         for number, line in enumerate(lines):
-            reach = SETTINGS.mains_tolerance * line + 1.5 / length
+            reach = _mains_reach(line, 1.5 / length)
             low, high = (round((line + side * reach) / spacing) for side in (-1, 1))
-            wide = slice(max(0, low - 5 * (high - low + 4)), high + 5 * (high - low + 4))
-            height = power[low : high + 1].max(initial=0) / max(np.median(power[wide]), 1e-300)
-            heights[number] = height if height > SETTINGS.mains_line else 0.0
+            margin = 5 * (high - low + 4)
+            near = power[max(0, low - margin) : high + margin]
+            height = power[low : high + 1].max(initial=0) / max(np.median(near), 1e-300)
+            heights[number] = height if height > 20 else 0.0
         strongest = heights[:2].max(initial=0)
         if strongest > most:
-            most, found = strongest, lines[heights > 0]
-    return found
+            most, lines_of_supply = strongest, lines[heights > 0]
+    return lines_of_supply
 
 
 def _powers(signal: Array, n_frame: int, rates: Array, fs: float) -> tuple[Array, NDArray[np.intp]]:
@@ -359,16 +377,17 @@ def _rank_of(powers: Array, usable: NDArray[np.bool_]) -> tuple[NDArray[np.intp]
     power is among all bins. All clear lines count alike: none decides alone.
     """
     pool = powers[..., usable].ravel()
-    pool = pool[:: max(1, len(pool) // SETTINGS.n_ranked)]
-    top = np.clip(np.mean(pool > SETTINGS.clear_line), *SETTINGS.top_ranks)
-    ranks = np.geomspace(1, top, SETTINGS.n_knots)
+    pool = pool[:: max(1, len(pool) // 20_000)]
+    top = np.clip(np.mean(pool > 15), 5e-4, 0.03)  # share of clear lines
+    ranks = np.geomspace(1, top, 129)
     knots = np.quantile(pool, 1 - ranks)
     # By table, over the logarithm of the power: much faster than interpolation.
-    logs = np.linspace(np.log(max(knots[0], 1e-9)), np.log(max(knots[-1], 2e-9)), SETTINGS.n_table)
-    per_log = np.float32((SETTINGS.n_table - 1) / (logs[-1] - logs[0]))
+    n_table = 1025
+    logs = np.linspace(np.log(max(knots[0], 1e-9)), np.log(max(knots[-1], 2e-9)), n_table)
+    per_log = np.float32((n_table - 1) / (logs[-1] - logs[0]))
     place = np.log(np.maximum(powers, 1e-30).astype(np.float32))
     place = (place - np.float32(logs[0])) * per_log
-    places = np.clip(place, 0, SETTINGS.n_table - 1).astype(np.intp)
+    places = np.clip(place, 0, n_table - 1).astype(np.intp)
     levels = np.exp(logs)
     levels[-1] = max(knots[-1], 2e-9)  # not below it by rounding, as many knots may be equal
     return places, np.exp(np.interp(levels, knots, np.log(ranks)))
@@ -378,14 +397,14 @@ def _sum_over_first_orders(
     rows: Sequence[NDArray[np.float32]], places: Array, counts: tuple[int, ...]
 ) -> NDArray[np.float32]:
     """Sum scores of shape (n_bins, n_rows) at the orders of each speed, given in bins."""
-    found = _on_lattice(rows, places, np.arange(1.0, counts[-1] + 1), counts)
+    at_orders = _on_lattice(rows, places, np.arange(1.0, counts[-1] + 1), counts)
     # Lines between the orders mean that the speed is a multiple of the true one.
-    between = np.zeros_like(found)
-    for fraction in SETTINGS.fractions:
+    between = np.zeros_like(at_orders)
+    for fraction in (1 / 2, 1 / 3, 2 / 3):
         lattice = np.arange(counts[-1]) + fraction
         sums = _on_lattice(rows[1:], places, lattice, counts)
         between = np.maximum(between, sums)
-    return found - between - np.float32(np.log(len(counts)))
+    return at_orders - between - np.float32(np.log(len(counts)))
 
 
 def _on_lattice(
@@ -393,12 +412,12 @@ def _on_lattice(
 ) -> NDArray[np.float32]:
     """Sum scores over the first orders, for the number of them that gives most.
 
-    The first of `rows` holds the scores of the first orders, the last one those of the others.
+    The first of `rows` holds the scores of the first two orders, the last one those of the others.
     """
     total = np.zeros((len(places), rows[0].shape[1]), np.float32)
     most = np.full_like(total, -np.inf)
     for count, order in enumerate(orders, 1):
-        scores = rows[0 if count <= SETTINGS.first_orders else -1]
+        scores = rows[0 if count <= 2 else -1]
         bins = np.rint(order * places).astype(np.intp)
         inside = int(np.searchsorted(bins, len(scores)))
         total[:inside] += scores[bins[:inside]]

@@ -349,10 +349,10 @@ def _parts_due(pulses: Angle, parts: NDArray[np.int64], index: int) -> int:
     return max(1, round(due))
 
 
-def _check_gap(due: float, place: str, *, most: int = 10) -> None:
-    if due > most:
+def _check_gap(due: float, place: str) -> None:
+    if due > 10:
         raise ValueError(
-            f"times must leave gaps of at most {most} intervals, got one of {due:.4g} "
+            f"times must leave gaps of at most 10 intervals, got one of {due:.4g} "
             f"{place}: a standstill or a sensor lost. Cut the recording there."
         )
 

@@ -216,10 +216,10 @@ class ShaftStream(Resumable):
     def _integrated(self) -> Samples:
         """Continue the integral over the velocity by the trapezoidal rule, in one running sum."""
         n_before = min(1, self.n_examined)
-        total = np.array([float(self.angle[-1]) if n_before else 0.0])
+        start = float(self.angle[-1]) if n_before else 0.0
         (speed,) = self._velocity.between(self.n_examined - n_before, self._velocity.length)
         speed.flags.writeable = False  # so that one kind of array is compiled for
-        return _kernels.loops.integrate(speed, 0.5 / self.fs, total, len(speed))[n_before:]
+        return _kernels.loops.integrate(speed, 0.5 / self.fs, start)[n_before:]
 
     def _new_stroke(self, stroke: Stroke, start_angle: float) -> GrowingStroke:
         """Return a stroke of which no sample is known yet."""

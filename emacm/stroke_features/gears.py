@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 _INDICATORS = ("FM0", "FM4", "M6A", "sidebands", "NA4", "NB4")
 # Levels are at least this, so that a signal without power has finite indicators.
-_LEAST = np.finfo(np.float64).tiny ** 0.25  # its square does not underflow
+_LEAST = float(np.finfo(np.float64).tiny) ** 0.25  # its square does not underflow
 
 
 class _RevolutionFeatures(StrokeFeatures):
@@ -273,18 +273,18 @@ class GearIndicators(_RevolutionFeatures):
         """Return what `_features` returns, by recording, and by channel and direction."""
         return np.reshape(table, (len(table), -1, len(_INDICATORS) + 3))
 
-    def _checked_table(self, table: Array, *, largest: float = 0.2) -> Array:
-        """Return the indicators; warn if the phase of a mesh is modulated by more [rad]."""
+    def _checked_table(self, table: Array) -> Array:
+        """Return the indicators; warn if the phase of a mesh is modulated by over 0.2 rad."""
         moments = self._moments(table)
         modulation = moments[:, :, -1]
-        rows, gears = np.nonzero(modulation > largest)
+        rows, gears = np.nonzero(modulation > 0.2)
         if len(rows):
             channel = self._columns_out[gears[0] * len(_INDICATORS)].rpartition(":")[0]
             warn(
                 "angle reference",
                 f"recording {rows[0]}: {channel}: the phase of the mesh is modulated once per "
                 f"revolution by {modulation[rows[0], gears[0]]:.2g} rad (so in {len(set(rows))} of "
-                f"{len(table)} recordings; accepted is {largest:g}). The angle reference has an "
+                f"{len(table)} recordings; accepted is 0.2). The angle reference has an "
                 f"error of this over the teeth, or the gear is eccentric by half of this times its "
                 f"module. FM4, M6A and NA4 are unreliable: they miss small faults. Correct the "
                 f"reference, or use NB4.",
@@ -451,7 +451,7 @@ def sideband_level(average: Array, teeth: int) -> float:
     return float(level / _positive(np.std(average)))
 
 
-def phase_modulation(average: Array, teeth: int, *, certainty: float = 5.0) -> float:
+def phase_modulation(average: Array, teeth: int) -> float:
     """Return how far the phase of the mesh is modulated once per revolution.
 
     The phase of harmonic h is modulated by h times as much, and its first sidebands, relative to
@@ -464,15 +464,13 @@ def phase_modulation(average: Array, teeth: int, *, certainty: float = 5.0) -> f
         One revolution, in any unit U.
     teeth : int
         Teeth of the gear.
-    certainty : float
-        Number of standard errors, from the power of the second to fifth sidebands of each harmonic,
-        below which there is none.
 
     Returns
     -------
     float
         Amplitude at the first harmonic [rad]: for an error of the shaft angle, the error times
-        `teeth`. 2 to 20 % too large from 0.5 to 1.2 rad. 0 if it is not certain.
+        `teeth`. 2 to 20 % too large from 0.5 to 1.2 rad. 0 below five standard errors, from the
+        power of the second to fifth sidebands of each harmonic.
 
     Examples
     --------
@@ -492,7 +490,7 @@ def phase_modulation(average: Array, teeth: int, *, certainty: float = 5.0) -> f
     background = np.mean(np.abs(spectrum[np.minimum(near, len(spectrum) - 1)]) ** 2, axis=1)
     error = 2 * np.sum(background * np.abs(orders * centre) ** 2)
     found = np.abs(np.sum(odd * orders))
-    return float(found / _positive(information) * (found > certainty * np.sqrt(error)))
+    return float(found / _positive(information) * (found > 5 * np.sqrt(error)))
 
 
 def _amplitudes(average: Array) -> Array:

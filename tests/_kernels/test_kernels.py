@@ -44,9 +44,9 @@ def test_integrals_agree_with_the_running_sum_to_the_last_bit(compiled, rng, dty
     running = cumulative_trapezoid(velocity.astype(float), dx=1 / 48_000, initial=0)
     velocity.flags.writeable = False
     for module in (compiled, _kernels_numpy):
-        for starts, stride in ((running[::256].copy(), 256), (np.zeros(1), n_times)):
-            whole = module.integrate(velocity, 0.5 / 48_000, starts, stride)
-            np.testing.assert_array_equal(whole, running)
+        for first in (0, n_times // 3):
+            part = module.integrate(velocity[first:], 0.5 / 48_000, running[first])
+            np.testing.assert_array_equal(part, running[first:])
 
 
 def spread(module, near, scale, offset, signals, means, grid):

@@ -1,12 +1,9 @@
 """The health index: a distance with known values, limits from left-out groups, trends."""
 
-import pickle
-
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.signal import lfilter
-from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils.estimator_checks import parametrize_with_checks
@@ -259,14 +256,6 @@ def test_times_without_an_order_are_refused(times):
     index = HealthIndex(0.2).fit(X, groups=range(24))
     with pytest.raises(TypeError, match="times must hold labels of one kind, got"):
         trend(index, X[:3], times)
-
-
-def test_names_containers_clones_and_pickles():
-    frame = pd.DataFrame(healthy(np.random.default_rng(0)), columns=list("dbca"))
-    index = HealthIndex(0.2).set_output(transform="pandas").fit(frame, groups=np.arange(24) // 2)
-    assert index.transform(frame + 1).columns.tolist() == ["health_index"]
-    assert pickle.loads(pickle.dumps(index)).limit() == index.limit()
-    assert clone(index).get_params() == {"false_alarm": 0.2, "few_groups": "refuse"}
 
 
 # From recordings

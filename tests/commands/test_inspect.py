@@ -9,7 +9,7 @@ import scipy.io
 
 from emacm import Layout, open_recording
 from emacm.__main__ import main
-from emacm.commands.inspect import contents_of, contents_table
+from emacm.files.drafts import contents_of, contents_table
 
 N = 4000
 VIBRATION = np.random.default_rng(0).normal(size=N)

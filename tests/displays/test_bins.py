@@ -31,15 +31,6 @@ def test_a_line_is_between_exact_edges_at_the_level_of_each_bin():
     assert ax.get_ylabel() == "power of current [dB re 1 A²]"
 
 
-def test_stop_bands_are_hatched_and_named():
-    (ax,) = axes()
-    OrderBinsDisplay.from_table(table(), labels=["a", "b"], stop_bands=((2, 3),), ax=ax)
-    (band,) = ax.patches
-    assert (band.get_x(), band.get_width()) == (2, 1)
-    assert band.get_hatch()
-    assert "stop band" in [text.get_text() for text in ax.get_legend().get_texts()]
-
-
 def test_bins_that_overlap_are_drawn_side_by_side_under_their_names():
     (ax,) = axes()
     columns = ["a@5.9-6.3", "a@6.1-6.5", "a@2-2.5"]

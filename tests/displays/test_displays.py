@@ -22,11 +22,9 @@ from emacm.displays import (
     DecisionRegionsDisplay,
     DomainDisplay,
     EvaluationDisplay,
-    ExplainedVarianceDisplay,
     FaultLinesDisplay,
     FeatureDensityDisplay,
     KurtogramDisplay,
-    LoadingsDisplay,
     OrderBinsDisplay,
     OrderMapDisplay,
     OrderSpectrumDisplay,
@@ -34,25 +32,18 @@ from emacm.displays import (
     RecordingDisplay,
     RemainingLifeDisplay,
     TrendDisplay,
-    UnknownRocDisplay,
 )
-from emacm.displays._drawing import (
+from emacm.displays.drawing import (
     COLOURS,
     mark_orders,
     tint,
 )
-from emacm.displays._tables import predicted_lines
+from emacm.displays.drawn_values import predicted_lines
 from emacm.envelopes.kurtogram import Kurtogram
 
 POINTS = np.array([[0.0, 0.0], [1.0, 2.0]])
 BINS = ["a@0-1", "a@1-2"]
 RATE = {f"inspection_rate{end}": [0.9] for end in ("", "_low", "_high")}
-TYPICALITY = pd.DataFrame(
-    {
-        "typicality": [0.5, 0.001],
-        "is_unknown": [False, True],
-    }
-)
 REMAINING = {"age": [0.0, 9.0], "stage": ["before onset", "damage"], "median": [50.0, 11.0]}
 ONE_OF_EACH = [
     AlarmDisplay([3.0, 4.0, 8.0], [0.5, 6.0, 5.5], 5.0),
@@ -63,11 +54,9 @@ ONE_OF_EACH = [
         pd.DataFrame(RATE, index=["by run"]),
         pd.DataFrame([[3, 0], [1, 2]], index=["a", "b"], columns=["a", "b"]),
     ),
-    ExplainedVarianceDisplay([0.7, 0.2]),
     FaultLinesDisplay(np.arange(100) / 10, np.ones(100), {"BPFO": 2.5}),
     FeatureDensityDisplay(["a"], [[0, 0]], [np.eye(2)], POINTS, ["a", "a"]),
     KurtogramDisplay(Kurtogram((9.0,), (np.array([9.0, 18.0]),), (np.array([0.2, 3.0]),))),
-    LoadingsDisplay(BINS, [[0.6, 0.8]]),
     OrderBinsDisplay(BINS, {"a": [1.0, 2.0]}),
     OrderMapDisplay([0, 1, 2], np.ones((2, 3)), [[0, 1], [1, 2]], [1.0, 2.0]),
     OrderSpectrumDisplay([0, 1, 2], {"a": [1.0, 2.0, 3.0]}),
@@ -81,7 +70,6 @@ ONE_OF_EACH = [
             alarm=[False, True]
         )
     ),
-    UnknownRocDisplay(TYPICALITY.assign(left_out="b")),
 ]
 NAMED = OutcomesDisplay | EvaluationDisplay  # what is drawn has names
 each = pytest.mark.parametrize("display", ONE_OF_EACH, ids=lambda d: type(d).__name__)
@@ -193,14 +181,14 @@ LABELS = {"healthy": "new", "y_true": ["new", "worn"]}
         (lambda: OrderSpectrumDisplay.from_table(SPECTRA), "different orders"),
         (lambda: OrderSpectrumDisplay.from_table(SPECTRA, "c"), "'c'"),
         (lambda: OrderSpectrumDisplay.from_table(SPECTRA, "a", labels=["x"]), "inconsistent"),
-        (lambda: OrderSpectrumDisplay.from_estimator(ExplainedVarianceDisplay, []), "OrderPSD"),
+        (lambda: OrderSpectrumDisplay.from_estimator(LogisticRegression(), []), "OrderPSD"),
         (lambda: OrderMapDisplay.from_recording([RUN]), "one Recording"),
         (lambda: OrderMapDisplay.from_recording(RUN, revolutions=500), "of 500 revolutions"),
         (lambda: RecordingDisplay.from_recording(RUN, between=(2, 1)), "start and stop"),
         (lambda: RecordingDisplay.from_recording(RUN, channels=["b"]), "'b'"),
         (lambda: RecordingDisplay.from_recording(RUN, ax=Figure().subplots()), "2 panels"),
-        (lambda: ExplainedVarianceDisplay([0.5]).plot(ax=Figure().subplots(2)), "1 panels"),
-        (lambda: LoadingsDisplay(BINS, [[1.0]]), "loadings"),
+        (lambda: AlarmDisplay([0], [1], 2).plot(ax=Figure().subplots(2)), "1 panels"),
+        (lambda: ContributionsDisplay(BINS, [1.0]), "contributions"),
         (lambda: FeatureDensityDisplay.from_estimator(LogisticRegression(), POINTS, [0, 1]), "fit"),
         (lambda: OutcomesDisplay(pd.DataFrame({"good": [1]})), "good"),
         (lambda: OutcomesDisplay.from_predictions(y_pred=["new"], **LABELS), "inconsistent"),

@@ -43,17 +43,6 @@ def test_colours_are_the_segments_in_db_and_gaps_stay_empty(ax):
     assert "order" in ax.get_ylabel()
 
 
-def test_a_line_is_drawn_at_its_order(ax):
-    OrderMapDisplay.from_recording(
-        ramp(order=3.7), theta_s=TURN / 51.3, revolutions=7.4, max_order=9, ax=ax
-    )
-    (mesh,) = ax.collections
-    heights = mesh.get_coordinates()[:, 0, 1]
-    highest = int(mesh.get_array().mean(axis=1).argmax())
-    assert heights[highest] <= 3.7 <= heights[highest + 1]
-    assert heights[highest + 1] - heights[highest] < 0.15
-
-
 def test_over_speed_segments_of_one_speed_are_averaged(ax):
     psd = np.array([[1.0, 1.0], [1.0, 3.0], [1.0, 10.0]])
     times = [[0, 1], [1, 2], [2, 3]]

@@ -6,7 +6,7 @@ from matplotlib.path import Path
 
 from emacm import CostSensitiveGaussianBayes
 from emacm.displays import DecisionRegionsDisplay
-from emacm.displays._drawing import tint
+from emacm.displays.drawing import tint
 
 
 def test_regions_are_what_the_classifier_decides(ax):

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy import signal as filters
 from sklearn.pipeline import make_pipeline
 
@@ -41,18 +39,6 @@ def test_the_squared_envelope_of_a_modulated_tone_is_the_square_of_its_modulatio
     np.testing.assert_allclose(squared[INNER], 9 * modulation[INNER] ** 2, atol=9e-3)
     plain = envelope(3 * modulation * tone(2000), FS, BAND, squared=False)
     np.testing.assert_allclose(plain[INNER], 3 * modulation[INNER], atol=3e-3)
-
-
-@given(frequency=st.floats(1625, 2375), amplitude=st.floats(1e-3, 1e3))
-def test_within_the_band_a_tone_reads_the_square_of_its_amplitude(frequency, amplitude):
-    squared = envelope(tone(frequency, amplitude), FS, BAND)
-    np.testing.assert_allclose(squared[INNER], amplitude**2, rtol=1e-3)
-
-
-@given(frequency=st.one_of(st.floats(1, 1375), st.floats(2625, 4990)))
-def test_outside_of_the_band_a_tone_is_gone(frequency):
-    # 80 dB down by the filter, and no more than doubled by its image.
-    assert envelope(tone(frequency), FS, BAND)[INNER].max() < 4.1e-8
 
 
 def test_it_is_the_analytic_signal_of_what_a_filter_without_delay_lets_through():
@@ -271,11 +257,6 @@ def test_at_an_edge_half_of_the_amplitude_passes():
         assert envelope(tone(edge), FS, BAND, squared=False)[INNER].mean() == pytest.approx(
             0.5, 1e-3
         )
-
-
-def test_there_is_no_delay():
-    burst = np.exp(-(((TIMES - 1) / 0.01) ** 2)) * tone(2000)
-    assert TIMES[envelope(burst, FS, BAND).argmax()] == pytest.approx(1, abs=2e-4)
 
 
 def test_the_filter_of_a_band_is_flat_inside_and_80_db_down_outside():

@@ -224,9 +224,3 @@ def test_a_pickled_envelope_of_a_whitened_signal_is_the_same():
     assert size < N_TIMES * 8 + 1500
     again = pickle.loads(pickle.dumps(series))
     np.testing.assert_array_equal(again[:], before)
-
-
-def test_an_offset_changes_nothing():
-    np.testing.assert_allclose(
-        prewhitened(coloured() + 1e3, FS), prewhitened(coloured(), FS), atol=1e-6
-    )

@@ -106,7 +106,7 @@ def test_costs_are_compared_only_if_they_are_equal():
     assert np.isnan(row[["expected_cost", "realised_cost", "predicted_cost"]]).all()
     assert not np.isnan(row["accuracy"])
     assert comparison.differences.loc["c", "expected_cost"] == 0
-    assert [*comparison.differences] == [*found[0].table.columns[:36]]  # twelve with limits
+    assert [*comparison.differences] == [*found[0].table.columns[:30]]  # ten with limits
 
 
 def test_the_second_scheme_that_all_have_scored_is_compared_or_the_only_one():

@@ -17,7 +17,7 @@ from emacm import (
     open_recording,
 )
 from emacm.files import folder as files
-from emacm.files.file_columns import FileColumns, stated_rates
+from emacm.files.file_columns import FileColumns, rates_of_columns
 
 FS = 2048.0
 TIMES = np.arange(3000) / FS
@@ -307,7 +307,7 @@ def test_numbers_of_a_text_are_read_exactly(tmp_path):
 def test_a_rate_in_a_file_holds_for_the_columns_of_its_group(numbers, units, rates):
     columns = {"b": np.zeros(2), "g/c": np.zeros(2), "own": np.zeros(2)}
     content = FileColumns(columns, {"own": 7.0}, dict(units), dict(numbers))
-    found = stated_rates(content)
+    found = rates_of_columns(content, Layout(), None)
     assert found.pop("own") == 7
     assert {name: found[name] for name in found} == rates
 

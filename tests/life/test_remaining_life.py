@@ -275,13 +275,6 @@ def test_units_that_cannot_support_a_model_are_refused(kind, options, censored, 
         model(kind, **options).fit(X, y, groups=groups, censored=ends)
 
 
-def test_readings_of_one_unit_do_not_count_as_units():
-    X, y, groups, _ = followed(range(3), interval=1.0)
-    assert len(X) > 300
-    with pytest.raises(ValueError, match="3 units that failed"):
-        model("weibull").fit(X, y, groups=groups)
-
-
 @pytest.mark.parametrize("value", [np.nan, -np.inf])
 def test_a_reading_that_is_not_finite_is_named(value):
     X, y, groups, _ = followed(range(12))
@@ -357,18 +350,6 @@ def test_decisions_follow_the_remaining_life():
     assert "order" in found
     changes = [a for a, b in zip(found, [*found[1:], None], strict=True) if a != b]
     assert changes.index("order") < changes.index("stop")
-
-
-def test_dearer_failures_stop_earlier_and_dearer_lost_life_later():
-    X, y, groups, _ = followed(range(30))
-    fitted = model("wiener").fit(X, y, groups=groups)
-    X, _, units, _ = followed([500, 501, 502], interval=5.0)
-
-    def stops(**change):
-        costs = MaintenanceCosts(**{**vars(COSTS), **change})
-        return fitted.decide(X, costs, units)["decision"].eq("stop").sum()
-
-    assert stops(failure=50_000) > stops() > stops(early=100)
 
 
 @pytest.mark.slow

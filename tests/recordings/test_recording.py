@@ -188,31 +188,11 @@ def test_a_recording_that_a_worker_maps_from_disk_is_equal_and_hashes_alike(tmp_
     assert not mapped.signals["a"].flags.writeable
 
 
-@pytest.mark.parametrize(
-    "change", [{"velocity": np.full(200, 4.0)}, {"meta": {"unit": "B"}}, {"shaft_fs": 100.2}]
-)
-def test_joblib_hashes_different_recordings_apart(change):
-    assert joblib.hash(sine()) != joblib.hash(sine(**change))
-
-
 # Digest
-
-CHANGES = {
-    "velocity": {"velocity": np.full(200, 4.0)},
-    "angle": {"velocity": None, "angle": 3.0 * TIMES},
-    "the same numbers as angle": {"velocity": None, "angle": np.full(200, 3.0)},
-    "float32": {"velocity": np.full(200, 3.0, dtype=np.float32)},
-    "rate": {"shaft_fs": 100.2},
-}
 
 
 def test_recordings_of_equal_content_have_one_digest_whatever_their_meta():
     assert sine().digest == sine(meta={"unit": "B"}).digest
-
-
-@pytest.mark.parametrize("change", CHANGES.values(), ids=list(CHANGES))
-def test_recordings_of_other_content_have_other_digests(change):
-    assert sine().digest != sine(**change).digest
 
 
 # Comparison
@@ -226,6 +206,8 @@ def test_recordings_of_other_content_have_other_digests(change):
         sine(meta={"unit": "B"}),
         sine(meta=None),
         sine(shaft_fs=100.2),
+        sine(velocity=None, angle=np.full(200, 3.0)),  # the same numbers
+        sine(velocity=np.full(200, 3.0, dtype=np.float32)),
         Recording({"current": np.sin(9 * TIMES)}, 100, velocity=np.full(200, 3.0)),
         "a recording",
         None,

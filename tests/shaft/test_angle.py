@@ -53,21 +53,7 @@ def test_velocity_in_float32_is_summed_in_float64():
     assert abs(angle[-1] - 999.99) < 1e-8
 
 
-@given(st.lists(st.floats(-5, 5), min_size=1, max_size=3))
-def test_velocity_of_the_derivative_gives_back_the_motion(coefficients):
-    motion = np.polynomial.Polynomial([0.5, *coefficients])
-    t = np.linspace(0, 1, 1001)
-    angle = angle_from_velocity(motion.deriv()(t), 1000, initial=0.5)
-    np.testing.assert_allclose(angle, motion(t), rtol=0, atol=4e-6)
-
-
 # Wrapped angle
-
-
-@every_motion
-def test_wrapped_angle_unwraps_to_the_motion(motion):
-    wrapped = np.mod(turned(motion), TURN)
-    assert np.abs(angle_from_wrapped(wrapped) - turned(motion)).max() < 1e-11
 
 
 @pytest.mark.parametrize("period", [360, 4096])
@@ -213,11 +199,6 @@ def test_noise_of_an_encoder_where_it_wraps_is_no_contradiction():
     noise = 0.2 * np.random.default_rng(1).standard_normal(2000)
     found = angle_from_wrapped(turned % TURN + noise)
     np.testing.assert_allclose(found, turned + noise, atol=1e-9)
-
-
-def test_an_angle_that_is_cumulative_already_stays():
-    turned = 3 * np.arange(2000) / 100
-    np.testing.assert_allclose(angle_from_wrapped(turned), turned, rtol=1e-15)
 
 
 def test_phases_go_on_across_a_gap_as_fast_as_on_either_side():

@@ -13,7 +13,7 @@ from motions import stroke_paths
 
 from emacm import Recording
 from emacm.shaft.angle import angle_from_velocity
-from emacm.shaft.motion import IntegratedAngle, extend_strokes, find_strokes
+from emacm.shaft.motion import IntegratedAngle, find_strokes
 
 FS = 1000.0
 TURN = 2 * np.pi
@@ -56,16 +56,6 @@ def test_a_rest_longer_than_allowed_ends_a_stroke():
     assert run.strokes(0.5, max_rest=0) == [(0, 2, 1), (4, 5, 1), (8, 9, 1), (9, 10, -1)]
     with pytest.raises(ValueError, match=r"max_rest must be .*at least 0"):
         run.strokes(0.5, max_rest=-1)
-
-
-@given(speeds, limits, st.sampled_from([0, 1, 4, np.inf]), st.data())
-def test_strokes_found_block_by_block_are_those_of_the_whole(velocity, min_speed, rest, data):
-    cuts = data.draw(st.lists(st.integers(1, len(velocity) - 1), max_size=5).map(sorted))
-    strokes = []
-    for first, last in pairwise([0, *cuts, len(velocity)]):
-        if last > first:
-            extend_strokes(strokes, first, velocity[first:last], min_speed, rest + 1)
-    assert strokes == find_strokes(velocity, min_speed, rest + 1)
 
 
 @pytest.mark.parametrize("direction", ["strokes", "forward", "reverse", "travel"])
@@ -159,12 +149,6 @@ def test_an_integrated_angle_may_reverse_below_min_speed():
     assert path.max_reversal == pytest.approx(0.5 * 49 / FS, rel=0.3)
     (path,) = stroke_paths(angle, np.abs(velocity), FS)
     assert path.max_reversal == 0
-
-
-@given(speeds, limits)
-def test_turning_the_other_way_turns_every_stroke(velocity, min_speed):
-    turned = [(s.start, s.stop, -s.direction) for s in find_strokes(velocity, min_speed=min_speed)]
-    assert find_strokes(-velocity, min_speed=min_speed) == turned
 
 
 @given(speeds, limits)

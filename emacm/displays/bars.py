@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm.displays._drawing import (
+from emacm.displays.drawing import (
     LETTER,
     MISSING,
     ORDER_LABEL,
@@ -19,7 +19,6 @@ from emacm.displays._drawing import (
     line_style,
     mark_orders,
     panel_axes,
-    tint,
     wrapped,
 )
 from emacm.orders.bins import Band
@@ -54,21 +53,16 @@ def bin_frame(blocks: Sequence[BinBlock], values: dict[str, NDArray[np.floating]
     rows = [(block.channel, name) for block in blocks for name in block.names]
     places = np.concatenate([block.columns for block in blocks])
     index = pd.MultiIndex.from_tuples(rows, names=["channel", "bin"])
-    return pd.DataFrame({label: each[places] for label, each in values.items()}, index=index)
+    return pd.DataFrame({label: numbers[places] for label, numbers in values.items()}, index=index)
 
 
-def share_an_axis(blocks: Sequence[BinBlock]) -> bool:
-    """Return whether all blocks have an order axis, or the same named bins."""
-    return len({() if has_order_axis(block) else block.names for block in blocks}) == 1
-
-
-def bin_panels(ax: Any, panels: Sequence[Sequence[BinBlock]]) -> NDArray[np.object_]:
-    """Return one Axes for the blocks of each panel, with limits and names along x."""
-    blocks = [block for own in panels for block in own]
-    axes = panel_axes(ax, len(panels), shared="x" if share_an_axis(blocks) else "")
+def bin_panels(ax: Any, blocks: Sequence[BinBlock]) -> NDArray[np.object_]:
+    """Return one Axes for each block, with limits and names along x."""
+    same_bins = len({() if has_order_axis(block) else block.names for block in blocks}) == 1
+    axes = panel_axes(ax, len(blocks), shared="x" if same_bins else "")
     over_order = [block for block in blocks if has_order_axis(block)]
     edges = np.concatenate([bin_places(block) for block in over_order or blocks])
-    for panel, (block, *_) in zip(axes, panels, strict=True):
+    for panel, block in zip(axes, blocks, strict=True):
         if has_order_axis(block):
             panel.set_xlim(edges.min(), edges.max())
         else:
@@ -104,11 +98,6 @@ def draw_steps(
     ax.plot(x, y, label=wrapped(label), **style)
 
 
-def draw_bars(ax: Any, places: NDArray[Any], values: NDArray[Any], **style: Any) -> None:
-    """Draw a bar to each value, between the edges of its bin."""
-    ax.bar(places[:, 0], values, places[:, 1] - places[:, 0], align="edge", **style)
-
-
 def draw_stop_bands(ax: Any, stop_bands: Sequence[Band]) -> None:
     """Hatch the orders that a filter removed."""
     style = {"facecolor": "white", "edgecolor": MISSING, "hatch": "////", "zorder": 0}
@@ -129,8 +118,3 @@ def mark_panels(
         if has_order_axis(block)
     ]
     return max(heights, default=0.0)
-
-
-def bar_style(colour: str) -> dict[str, Any]:
-    """Return the style of bars of this colour."""
-    return {"color": tint(colour, 0.6), "edgecolor": "black", "linewidth": 0.5}

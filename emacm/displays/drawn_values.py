@@ -15,7 +15,7 @@ from sklearn.utils import check_consistent_length
 
 from emacm._checks import check_number
 from emacm.decisions.pipelines import parts_of
-from emacm.displays._drawing import Display, squared
+from emacm.displays.drawing import Display, squared
 from emacm.envelopes.envelope import EnvelopeSeries
 from emacm.envelopes.envelope_detector import EnvelopeDetector, envelope_names
 from emacm.machine.fault_orders import named_orders, slip_ranges
