@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,14 +12,13 @@ from emacm._checks import check_number
 from emacm.envelopes.envelope_detector import EnvelopeDetector
 from emacm.envelopes.prewhitening import CepstralPrewhitening
 from emacm.machine.fault_lines import FaultLines
-from emacm.machine.fault_orders import fault_series
-from emacm.machine.parts import Part
+from emacm.machine.fault_orders import Parts, fault_series
 from emacm.orders.order_psd import OrderPSD
 from emacm.resampling.order_resampler import OrderResampler
 
 
 def bearing_recipe(
-    parts: Part | Mapping[str, float] | Sequence[Part | Mapping[str, float]],
+    parts: Parts,
     *,
     harmonics: int = 3,
     slip: float = 0.02,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from emacm._checks import check_number
-from emacm.machine.fault_orders import FaultSeries, fault_series
-from emacm.machine.parts import Part
+from emacm.machine.fault_orders import FaultSeries, Parts, fault_series
 from emacm.orders.bin_transformer import line_heights
 from emacm.orders.columns import OrderTableTransformer, column_names, parse_order_columns
 from emacm.recordings.inputs import check_channel_names, chosen_channels
@@ -476,7 +475,7 @@ class FaultLines(OrderTableTransformer):
 
     def __init__(
         self,
-        parts: Part | Mapping[str, float] | Sequence[Part | Mapping[str, float]],
+        parts: Parts,
         *,
         harmonics: int = 3,
         slip: float = 0.02,

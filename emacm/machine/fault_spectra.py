@@ -107,18 +107,19 @@ class Spectrum(NamedTuple):
         for number, series in enumerate(self.lines.series):
             slip, lines = slips[0, number], heights[number][0]
             sidebands = self.lines.sidebands(self.psd, series, slip)
-            fault = Fault(
-                series,
-                scores[0, number],
-                p_values[0, number],
-                slip,
-                lines[np.isfinite(lines)].tolist(),
-                lines[0],
-                # The envelope of a dead channel is 0.
-                self.lines.amplitude(self.psd, series, slip) / (self.mean or np.nan),
-                [name for name, height in sidebands.items() if height >= 3.0],
+            faults.append(
+                Fault(
+                    series,
+                    scores[0, number],
+                    p_values[0, number],
+                    slip,
+                    lines[np.isfinite(lines)].tolist(),
+                    lines[0],
+                    # The envelope of a dead channel is 0.
+                    self.lines.amplitude(self.psd, series, slip) / (self.mean or np.nan),
+                    [name for name, height in sidebands.items() if height >= 3.0],
+                )
             )
-            faults.append(fault)
         return faults
 
     def faults_at_other_speeds(self) -> list[Fault]:

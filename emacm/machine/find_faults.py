@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -48,10 +48,6 @@ class FaultTable(pd.DataFrame):
 
     Whatever is selected or computed from it is a plain DataFrame.
     """
-
-    @property
-    def _constructor(self) -> type[pd.DataFrame]:
-        return pd.DataFrame
 
     def _repr_html_(self) -> str:
         shown = ("recording", "channel", "named", "suspected", "explanation")
@@ -112,7 +108,8 @@ def find_faults(
         - "suspected": in the same form, lines that healthy machines may also have at this level,
           or that another speed or geometry would explain; "none" if a fault is named,
         - the name of each fault: its score [dB], the mean level of its lines above the local
-          background, minus that of background alone (1 to 3 dB, because the best slip is chosen),
+          background, minus that of background alone (1 to 3 dB, because the best slip is chosen);
+          NaN if the spectrum does not resolve its lowest line, which is then not named,
         - "p(<fault>)": probability of a score at least as high in background alone, not
           smaller than 1/2001,
         - "slip": deviation of the lines from their predicted orders, of the fault named or, if
@@ -154,15 +151,17 @@ def find_faults(
 
     A channel that is constant or clipped, has drop-outs, or at most three values is not assessed.
     Nor is a recording whose speed, sampling rate or geometry is wrong; the explanation then states
-    the speed that would fit. Without `healthy`, this is found by the harmonics of the shaft
-    (of recordings) or by the lines of a fault:
+    the speed that would fit. This is found by the harmonics of the shaft (of recordings) or by the
+    lines of a fault:
 
     - The first six harmonics of the shaft, if their mean height is 10 dB or more and 6 dB more than
       at the stated speed, show an error up to 10 %. Up to `slip` the speed is corrected, from there
       on the recording is not assessed. Another shaft of nearly the same speed, or harmonics of the
-      mains, may be taken for the shaft: raise `slip` then.
+      mains, may be taken for the shaft: raise `slip` then. Healthy recordings at a wrong speed are
+      refused.
     - Lines within 10 % of the predicted orders, but outside of `slip`, would be named, and are
-      higher by 3 dB than those within (by 6 dB if these would be named).
+      higher by 3 dB than those within (by 6 dB if these would be named without `healthy`). Lines
+      that healthy recordings have there are no evidence of a wrong speed.
 
     Rolling elements are not synchronous with the shaft, so whole orders count as background for
     their lines (a loose part or a blade has lines there) unless a line is predicted there. The
@@ -205,19 +204,21 @@ def find_faults(
             f"2000 simulated backgrounds resolve for {len(series)} faults. Raise it, or leave "
             f"parts out."
         )
-    levels = FaultLines(parts, harmonics=harmonics, slip=slip, channels=channels)
+    options: dict[str, Any] = {"harmonics": harmonics, "slip": slip, "channels": channels}
     by_channel = healthy
     if healthy is not None and not isinstance(healthy, Mapping):
-        by_channel = _highest_scores(healthy, levels)
+        by_channel = healthy_scores(healthy, parts, **options)
     rows = []
-    for measured in measured_spectra(X, levels):
+    for measured in measured_spectra(X, FaultLines(parts, **options)):
         usual = None
         if by_channel is not None:
             check_channel_names(list(by_channel), [measured.channel], "healthy")
             usual = by_channel[measured.channel]
             _check_rate(X, measured, usual.fs)
         case = _Case(measured, usual, false_alarm, settings)
-        finding = next(filter(None, (rule(case) for rule in _RULES)))
+        # The first rule that answers decides.
+        rules = _defect, _highest_score, _wrong_speed, _named, _suspected
+        finding = next(filter(None, (rule(case) for rule in rules)))
         row = {"recording": measured.number, "channel": measured.channel}
         row |= {"named": finding.named, "suspected": finding.suspected}
         row |= {fault.name: fault.score for fault in case.faults}
@@ -262,13 +263,9 @@ def healthy_scores(
     TypeError, ValueError
         As `find_faults`; also if the harmonics of the shaft show that a speed is wrong.
     """
-    options: dict[str, Any] = {"harmonics": harmonics, "slip": slip, "channels": channels}
-    return _highest_scores(healthy, FaultLines(only_damage(parts), **options))
-
-
-def _highest_scores(healthy: Any, levels: FaultLines) -> dict[str, HealthyScores]:
-    """Return the highest score of each fault that is measured, by channel."""
     by_channel: dict[str, HealthyScores] = {}
+    parts = only_damage(parts)
+    levels = FaultLines(parts, harmonics=harmonics, slip=slip, channels=channels)
     with located("healthy"):
         for measured in measured_spectra(healthy, levels):
             if measured.is_shifted:
@@ -465,16 +462,6 @@ def _suspected(case: _Case) -> _Finding:
     answer = f"{suspected} is suspected" if likely else "no fault"
     text = f"{answer}: {_sentence(shown, case.faults)}{reason}"
     return _Finding(NONE, suspected, shown, text)
-
-
-# The first rule that answers decides.
-_RULES: tuple[Callable[[_Case], _Finding | None], ...] = (
-    _defect,
-    _highest_score,
-    _wrong_speed,
-    _named,
-    _suspected,
-)
 
 
 def _check_rate(X: Any, measured: Measured, fs: float) -> None:
