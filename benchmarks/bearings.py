@@ -36,10 +36,6 @@ Results (left-out sizes, to the fan end): `bearing_recipe` 0.95, 0.85; kurtogram
 Welch 0.50, 0.37; MiniRocket (aeon 1.6) 0.50, 0.35; statistics 0.33, 0.55. The 95 % intervals are
 about +-0.15, since there are two or three bearings of each class.
 
-At the end, CPU times of envelopes ("full") of recordings in memory, without and with prewhitening,
-measured in turns, with the page faults of a call; "adds" is what prewhitening adds to the time of
-the envelope. These need no recordings.
-
     python benchmarks/bearings.py [--quick] [--json [FILE]]
 """
 
@@ -48,8 +44,6 @@ from __future__ import annotations
 import argparse
 import itertools
 import os
-import resource
-import time
 import warnings
 from collections import Counter
 from collections.abc import Callable
@@ -58,7 +52,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measure import header, json_option, medians, table, write_json
+from measure import header, json_option, table, write_json
 from numpy.typing import NDArray
 from scipy import signal, stats
 from sklearn.base import clone
@@ -70,9 +64,7 @@ from threadpoolctl import threadpool_limits
 
 from emacm import (
     Bearing,
-    CepstralPrewhitening,
     CostSensitiveGaussianBayes,
-    EnvelopeDetector,
     FaultLines,
     Gear,
     OrderPSD,
@@ -83,7 +75,7 @@ from emacm import (
     find_faults,
     kurtogram,
 )
-from emacm.models.find_faults import healthy_scores
+from emacm.machine.find_faults import healthy_scores
 
 BEARINGS = {"DE12": Bearing(9, 7.94, 39.04), "FE": Bearing(8, 6.746, 28.499)}  # 6205, 6203
 MFPT = Bearing(8, 0.235, 1.245)
@@ -464,41 +456,6 @@ def sets_of_faults(every: int) -> list[dict[str, Any]]:
     return rows
 
 
-# Run times
-
-
-def run_times(every: int) -> list[dict[str, Any]]:
-    """Return the CPU times of envelopes, for sampling rates and lengths of users."""
-    rows, rates = [], (12_000.0, 25_600.0, 48_000.0, 97_656.0)
-    cases = itertools.product(("float64", "float32"), rates, (0.1, 1, 3, 10, 60))
-    for dtype, fs, seconds in [*cases][::every]:
-        noise = np.random.default_rng(0).standard_normal(int(fs * seconds))
-        run = Recording({CHANNEL: noise.astype(dtype)}, fs, velocity=150.0)
-        rows.append({"type": dtype, "fs [Hz]": fs, "length [s]": seconds} | envelope_times(run))
-    return rows
-
-
-def envelope_times(run: Recording) -> dict[str, float]:
-    """Return the CPU times of the envelope of a recording, without and with prewhitening."""
-    plain = EnvelopeDetector("full", squared=False).fit([run])
-    white = make_pipeline(CepstralPrewhitening(), plain).fit([run])
-    calls = {
-        name: lambda chain=chain: chain.transform([run])[0].signals[CHANNEL]
-        for name, chain in {"envelope": plain, "prewhitened": white}.items()
-    }
-    repeats = max(7, min(100, int(3e6 / len(run.signals[CHANNEL]))))
-    times = medians(calls, repeats, clock=time.process_time)
-    row = {f"{name} [ms]": 1000 * spent for name, spent in times.items()}
-    row["adds"] = times["prewhitened"] / times["envelope"] - 1
-    for name, call in calls.items():
-        before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
-        for _ in range(repeats):
-            call()
-        after = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
-        row[f"faults, {name}"] = (after - before) / repeats
-    return row
-
-
 def main() -> None:
     """Print all tables."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -514,9 +471,6 @@ def main() -> None:
         print("no recordings of bearings: set EMACM_DATA to the folder that holds bearings/*.npz")
     print("\nsimulated parts, share with the exact set of faults (gears: with healthy ones)")
     print(table(sets_of_faults(every)))
-    print("\nCPU times")
-    with threadpool_limits(1):
-        print(table(run_times(every)))
 
 
 def measured_accuracy(folder: Path, every: int) -> list[dict[str, Any]]:

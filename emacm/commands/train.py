@@ -29,9 +29,10 @@ from emacm.evaluation.results import Evaluation, as_texts
 from emacm.files.folder import RecordingFolder
 from emacm.files.layout import Layout
 from emacm.history.sqlite_history import History
+from emacm.machine.bearing_recipe import bearing_recipe
 from emacm.models.evidence import training_evidence
 from emacm.models.model_files import load_model, save_model
-from emacm.models.recipes import actuator_recipe, bearing_recipe
+from emacm.models.recipes import actuator_recipe
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.digests import model_digest

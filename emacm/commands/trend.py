@@ -22,8 +22,8 @@ from emacm.commands.train import extent, order_levels
 from emacm.envelopes.envelope_detector import EnvelopeDetector
 from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
+from emacm.machine.bearing_recipe import bearing_recipe
 from emacm.machine.severity_zones import severity_zone, vibration_indicators
-from emacm.models.recipes import bearing_recipe
 from emacm.recordings.meta import read_meta
 from emacm.recordings.names import printable
 from emacm.reports.facts import healthy_label

@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_finite_table, check_real_array
 from emacm._statements import warn
-from emacm.conditions.healthy import ConditionBaseline, check_rates
+from emacm.conditions.healthy import ConditionBaseline, check_healthy_rates
 from emacm.orders.columns import OrderTable, column_names
 
 
@@ -137,7 +137,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
             recording.
         """
         check_is_fitted(self)
-        check_rates(X, self._rates)
+        check_healthy_rates(X, self._rates)
         return self._difference(X, self.transformer_.transform(X))
 
     def fit_transform(self, X: Any, y: ArrayLike | None = None) -> Any:

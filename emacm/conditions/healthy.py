@@ -88,10 +88,11 @@ class ConditionBaseline(  # type: ignore[call-arg]
                     f"{self.healthy!r}). Add healthy ones to X or to baseline_recordings."
                 )
         healthy_rows = [X[row] for row in np.flatnonzero(mask)] if are_recordings(X) else []
-        rates = common_rates([*healthy_rows, *further])
-        check_rates(X, rates)
+        known_rates = map(_rates_of, reversed([*healthy_rows, *further]))
+        rates = {channel: rate for of_one in known_rates for channel, rate in of_one.items()}
+        check_healthy_rates(X, rates)
         with located("baseline_recordings"):
-            check_rates(further, rates)
+            check_healthy_rates(further, rates)
         return Healthy(mask, [*further], rows, rates)
 
     def _known_conditions(self, X: Any) -> list[Any]:
@@ -157,12 +158,7 @@ def are_recordings(X: Any) -> bool:
     return isinstance(X, Sequence) and all(hasattr(entry, "channels") for entry in X)
 
 
-def common_rates(recordings: Sequence[Any]) -> dict[str, float]:
-    """Return the sampling rate of each channel of the first recording that has it [Hz]."""
-    return {k: v for recording in reversed(recordings) for k, v in _rates_of(recording).items()}
-
-
-def check_rates(X: Any, healthy: Mapping[str, float]) -> None:
+def check_healthy_rates(X: Any, healthy: Mapping[str, float]) -> None:
     """Raise if a recording was sampled at another rate than the healthy ones.
 
     Parameters
@@ -182,8 +178,8 @@ def check_rates(X: Any, healthy: Mapping[str, float]) -> None:
     >>> import numpy as np
     >>> from emacm import Recording
     >>> run = Recording({"case": np.zeros(50)}, 1000, velocity=1.0)
-    >>> check_rates([run], {"case": 1000.0})
-    >>> check_rates([run], {"case": 1250.0})
+    >>> check_healthy_rates([run], {"case": 1000.0})
+    >>> check_healthy_rates([run], {"case": 1250.0})
     Traceback (most recent call last):
     ...
     ValueError: recording 0: channel 'case' is sampled at 1000 Hz, but in the healthy recordings...

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import located
-from emacm.conditions.healthy import ConditionBaseline, check_rates
+from emacm.conditions.healthy import ConditionBaseline, check_healthy_rates
 from emacm.recordings.digests import content_digest
 from emacm.recordings.inputs import as_recordings, check_channels, described
 from emacm.recordings.meta import condition_name
@@ -399,7 +399,7 @@ class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ig
         check_is_fitted(self)
         rows = as_angle_recordings(X, "SignalBaseline")
         self._check_alike(rows, self.channels_, self.theta_s_)
-        check_rates(rows, self._rates)
+        check_healthy_rates(rows, self._rates)
         found = self._known_conditions(rows)
         return [
             ResidualRecording(**vars(row), baseline=self.baselines_[condition])

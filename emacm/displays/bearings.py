@@ -14,13 +14,11 @@ from emacm.displays import drawing as _drawing
 from emacm.displays import drawn_values as _tables
 from emacm.displays.drawing import Display
 from emacm.envelopes.kurtogram import Kurtogram, kurtogram
-from emacm.machine.fault_lines import LineLevels
+from emacm.machine.bearing_recipe import bearing_recipe
+from emacm.machine.fault_lines import LineLevels, resolved
 from emacm.machine.fault_orders import Parts, fault_series, only_damage
-from emacm.models.recipes import bearing_recipe
 from emacm.orders.columns import column_names, parse_order_columns
 from emacm.recordings.recording import Recording
-
-SLIP = 0.02  # largest deviation of rolling elements from the predicted orders, as a fraction
 
 
 @dataclass(eq=False, repr=False)
@@ -76,8 +74,9 @@ class FaultLinesDisplay(Display):
             raise ValueError(
                 f"faults must be of the parts, {known}; got {list(self.faults or ())}."
             )
-        self._series = [f for f in series if self.faults is None or f.name in self.faults]
-        self._levels = LineLevels(self.orders, self._series, SLIP, 0.5, without_shaft=True)
+        shown = [f for f in series if self.faults is None or f.name in self.faults]
+        self._series = resolved(shown, self.orders)
+        self._levels = LineLevels(self.orders, self._series, 0.02, 0.5, without_shaft=True)
 
     @classmethod
     def from_recording(
@@ -129,7 +128,7 @@ class FaultLinesDisplay(Display):
         _, slips, heights = self._levels.measure(self.spectrum[np.newaxis])
         rows = []
         for fault, slip, lines in zip(self._series, slips[0], heights, strict=True):
-            reach = SLIP if fault.slips else 0.0
+            reach = self._levels.slip if fault.slips else 0.0
             for number, (order, height) in enumerate(zip(fault.orders, lines[0], strict=True), 1):
                 ends = (order * (1 - reach), order * (1 + reach))
                 rows.append((fault.name, number, order, order * (1 + slip), *ends, height))

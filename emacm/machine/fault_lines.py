@@ -2,63 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from emacm._checks import check_number
 from emacm.findings.new_lines import line_heights
-from emacm.machine.fault_orders import FaultSeries, fault_series
-from emacm.machine.parts import Part
+from emacm.machine.fault_orders import FaultSeries, Parts, fault_series
 from emacm.orders.columns import OrderTableTransformer, column_names, parse_order_columns
 from emacm.recordings.inputs import check_channel_names, chosen_channels
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class LineSettings:
-    """How lines are found and their background is simulated; ``benchmarks/bearings.py`` shows both.
+def resolved(series: Sequence[FaultSeries], orders: ArrayLike) -> tuple[FaultSeries, ...]:
+    """Return the series whose lowest line a spectrum resolves.
 
-    Attributes
-    ----------
-    fewest : int
-        Spectral lines of background that a median needs.
-    skirt : int
-        Half the main lobe of a Hann window [lines of the axis].
-    below : float
-        A line between two orders is equal at both, and at least so near at one [dB].
-    draws : int
-        Simulated spectra of the background.
-    seed : int
-        Of the simulated spectra: equal input gives equal p-values.
-    n_lines : int
-        Lines of each simulated spectrum whose spread is compared with that of a channel.
-    lowest_shape, highest_shape, n_shapes : float, float, int
-        Shapes of the gamma distributions that are compared, evenly spaced in their logarithm.
-    background : float
-        Distance within which lines are background, in `find_faults` and the recipe [orders].
+    A line below half the main lobe of a Hann window, two lines of the axis, cannot be told from a
+    slow change of the signal.
+
+    Examples
+    --------
+    >>> series = (FaultSeries("tooth", (0.0149,), False), FaultSeries("shaft", (1.0,), False))
+    >>> [fault.name for fault in resolved(series, [0.0, 0.04, 0.08])]
+    ['shaft']
     """
-
-    fewest: int = 5
-    skirt: int = 2
-    below: float = 3.0
-    draws: int = 2000
-    seed: int = 20_111
-    n_lines: int = 40_000
-    lowest_shape: float = 0.5
-    highest_shape: float = 2000.0
-    n_shapes: int = 120
-    background: float = 0.5
-
-
-SETTINGS = LineSettings()
-SHAPES = np.geomspace(SETTINGS.lowest_shape, SETTINGS.highest_shape, SETTINGS.n_shapes)
+    first, second = np.asarray(orders, dtype=np.float64)[:2]
+    return tuple(fault for fault in series if fault.orders[0] >= 2 * (second - first))
 
 
 class LineLevels:
@@ -101,12 +75,12 @@ class LineLevels:
         self._first = self.orders[0]
         self._step = (self.orders[-1] - self.orders[0]) / (len(self.orders) - 1)
         self._width = 2 * round(background / self._step) + 1
-        if self._width < SETTINGS.fewest:
+        if self._width < 5:  # lines of background, which a median needs
             raise ValueError(
                 f"the spectra have a line every {self._step:g} orders, so that a background of "
-                f"{background:g} orders on either side holds fewer than {SETTINGS.fewest} lines. "
-                f"Use OrderPSD(revolutions={np.ceil(SETTINGS.fewest / background):.0f}) or more, "
-                f"or a larger background."
+                f"{background:g} orders on either side holds fewer than 5 lines. Use "
+                f"OrderPSD(revolutions={np.ceil(5 / background):.0f}) or more, or a larger "
+                f"background."
             )
         self._places = [self._grid(fault) for fault in self.series]
         self._of_shaft = _from_whole(self.orders) < 1.5 * self._step
@@ -121,7 +95,7 @@ class LineLevels:
         n_steps = int(np.ceil(reach * min(lines[-1], top) / self._step))
         slips = np.linspace(-reach, reach, 2 * n_steps + 1)
         places = np.rint((np.outer(1 + slips, lines) - self._first) / self._step).astype(np.intp)
-        if places.min() < 1:
+        if places.min() < 1 or not resolved([fault], self.orders):
             raise ValueError(
                 f"the first line of {fault.name!r} is at order {lines[0]:.4g}, but the spectra "
                 f"have a line every {self._step:.4g} orders from {self._first:.4g} on. Raise "
@@ -230,7 +204,7 @@ class LineLevels:
         sides = np.outer(np.arange(-n_sidebands, n_sidebands + 1), modulations).ravel()
         lines = np.add.outer(carriers, [0.0, *sides]).ravel()
         distance = np.abs(self.orders[:, np.newaxis] - lines).min(axis=1)
-        return np.asarray(distance < (SETTINGS.skirt + 0.5) * self._step)
+        return np.asarray(distance < 2.5 * self._step)  # the main lobe of a Hann window
 
     def height_between(
         self,
@@ -240,7 +214,6 @@ class LineLevels:
         modulations: Sequence[float],
         *,
         reach: float,
-        lowest: float = 0.2,
     ) -> float:
         """Return the height of the lines between those of a fault, in parts of theirs.
 
@@ -259,16 +232,14 @@ class LineLevels:
             Orders of the modulations, whose sidebands the fault explains.
         reach : float
             Distance from its lowest line within which it is found [orders].
-        lowest : float
-            Lowest order whose multiples are compared.
 
         Returns
         -------
         float
             Median height of the lines between, over the mean height of the fault's lines: at the
-            multiples of the fraction 1/2 to 1/24 of its lowest line for which it is largest,
-            without sidebands and whole orders; if the fault's lines are at whole orders, also at
-            all of these.
+            multiples of the fraction 1/2 to 1/24 of its lowest line (at least order 0.2) for which
+            it is largest, without sidebands and whole orders; if the fault's lines are at whole
+            orders, also at all of these.
         """
         heights = self.heights(psd)[0]
         highest = ndimage.maximum_filter1d(heights, 3)
@@ -284,7 +255,7 @@ class LineLevels:
         lobes = np.add.outer(place(first * multiples), np.arange(-2, 3))
         peaks = lobes[multiples - 1, heights[lobes].argmax(axis=1)]
         known = self.explained(fault, first / fault.orders[0] - 1, modulations) | self._of_shaft
-        fractions = set(range(2, min(24, int(first / lowest)) + 1)) - {fault.strikes}
+        fractions = set(range(2, min(24, int(first / 0.2)) + 1)) - {fault.strikes}
         compared = [(n, known) for n in fractions]
         if self._of_shaft[peaks].all():
             compared.append((max(2, round(first)), np.zeros_like(known)))
@@ -316,7 +287,7 @@ class LineLevels:
         float
         """
         places = np.rint((np.array(fault.orders) * (1 + slip) - self._first) / self._step)
-        lobes = np.add.outer(places.astype(np.intp), np.arange(-SETTINGS.skirt, SETTINGS.skirt + 1))
+        lobes = np.add.outer(places.astype(np.intp), np.arange(-2, 3))  # of a Hann window
         above = (psd - self.background(psd))[0, np.clip(lobes, 0, len(self.orders) - 1)]
         return float(np.sqrt(2 * self._step * np.maximum(above.sum(axis=1), 0.0).sum()))
 
@@ -392,15 +363,15 @@ class LineLevels:
         ndarray of shape (n_rows,)
             The nearest of a grid of shapes; for an average of n independent segments, n.
         """
-        spreads = _simulated_spreads(self._width)
+        shapes, spreads = _simulated_spreads(self._width)
         spread = _spread(self.heights(psd))
-        return SHAPES[np.argmin(np.abs(spread[:, np.newaxis] - spreads), axis=1)]
+        return shapes[np.argmin(np.abs(spread[:, np.newaxis] - spreads), axis=1)]
 
     def _background_levels(self, shape: float) -> Array:
         """Return levels of simulated backgrounds, of shape (n_draws, n_series)."""
         if shape not in self._drawn:
-            rng = np.random.default_rng(SETTINGS.seed)
-            spectra = rng.standard_gamma(shape, (SETTINGS.draws, len(self.orders)))
+            rng = np.random.default_rng(20_111)  # equal input gives equal p-values
+            spectra = rng.standard_gamma(shape, (2000, len(self.orders)))
             self._drawn[shape] = self.measure(spectra)[0]
         return self._drawn[shape]
 
@@ -416,8 +387,8 @@ def _peaks(heights: Array, excluded: NDArray[np.bool_] | None = None) -> Array:
     A line between two orders of the axis appears at the higher of both. The skirt of a strong line
     is no line of its own: a harmonic of the shaft would be found at the cage frequency beside it.
     """
-    strongest = ndimage.maximum_filter1d(heights, 2 * SETTINGS.skirt + 1, axis=-1, mode="nearest")
-    is_none = heights < strongest - SETTINGS.below
+    strongest = ndimage.maximum_filter1d(heights, 5, axis=-1, mode="nearest")  # the main lobe
+    is_none = heights < strongest - 3.0  # a line between two orders is at least so near at one
     if excluded is not None:
         is_none |= excluded
     own = np.where(is_none, np.minimum(heights, 0.0), heights)
@@ -426,11 +397,11 @@ def _peaks(heights: Array, excluded: NDArray[np.bool_] | None = None) -> Array:
 
 
 @lru_cache(maxsize=8)
-def _simulated_spreads(width: int) -> Array:
-    """Return the spread of simulated heights for each of the Gamma shapes."""
-    rng = np.random.default_rng(SETTINGS.seed)
-    psd = rng.standard_gamma(SHAPES[:, np.newaxis], (len(SHAPES), SETTINGS.n_lines))
-    return _spread(line_heights(psd, width))
+def _simulated_spreads(width: int) -> tuple[Array, Array]:
+    """Return Gamma shapes, and the spread of simulated heights for each of them."""
+    rng, shapes = np.random.default_rng(20_111), np.geomspace(0.5, 2000, 120)
+    psd = rng.standard_gamma(shapes[:, np.newaxis], (len(shapes), 40_000))
+    return shapes, _spread(line_heights(psd, width))
 
 
 def _spread(heights: Array) -> Array:
@@ -504,7 +475,7 @@ class FaultLines(OrderTableTransformer):
 
     def __init__(
         self,
-        parts: Part | Mapping[str, float] | Sequence[Part | Mapping[str, float]],
+        parts: Parts,
         *,
         harmonics: int = 3,
         slip: float = 0.02,

@@ -77,16 +77,12 @@ class Gear(Part):
         """Return the lines of the mesh, of both gears and of tooth pairs."""
         mesh, common = self.ratio * self.teeth, gcd(self.teeth, self.mating_teeth)
         shafts = (("pinion", self.ratio), ("wheel", self.output_ratio))
+        hunting = mesh / lcm(self.teeth, self.mating_teeth)
         lines = [
             Line("mesh", "mesh", mesh, shafts, of_damage=False),
             Line("pinion", "pinion", self.ratio),
             Line("wheel", "wheel", self.output_ratio),
-            Line(
-                "hunting",
-                "hunting tooth",
-                mesh / lcm(self.teeth, self.mating_teeth),
-                of_damage=False,
-            ),
+            Line("hunting", "hunting tooth", hunting, of_damage=False),
         ]
         if common > 1:
             lines.append(Line("phase", "assembly phase", mesh / common, of_damage=False))

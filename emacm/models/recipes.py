@@ -1,8 +1,7 @@
-"""Recipes: whole pipelines for actuators and for bearings."""
+"""The pipeline from recordings of an actuator to a decision."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,116 +11,13 @@ from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from emacm._checks import check_choice, check_number
 from emacm.conditions.signal_baseline import SignalBaseline
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
-from emacm.envelopes.envelope_detector import EnvelopeDetector
-from emacm.envelopes.prewhitening import CepstralPrewhitening
-from emacm.machine.fault_lines import SETTINGS, FaultLines
-from emacm.machine.fault_orders import fault_series
-from emacm.machine.parts import Part
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
 from emacm.orders.order_psd import OrderPSD
-from emacm.recordings.inputs import check_channel_names
-from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler
 from emacm.stroke_features.harmonics import ShaftHarmonics
 from emacm.stroke_features.profile import StrokeProfile
 from emacm.stroke_features.statistics import RecordingStatistics
-
-
-def bearing_recipe(
-    parts: Part | Mapping[str, float] | Sequence[Part | Mapping[str, float]],
-    *,
-    harmonics: int = 3,
-    slip: float = 0.02,
-    revolutions: float = 25,
-    min_speed: float = 0.0,
-    channels: Sequence[str] | None = None,
-    classifier: Any = None,
-    n_jobs: int | None = None,
-) -> Pipeline:
-    """Return an unfitted pipeline from recordings to the level of each fault [dB].
-
-    The signals are prewhitened, so that no band has to be chosen; the envelope of the whole band
-    is resampled over the shaft angle, and the lines of each fault are measured above their local
-    background. The features need no training and do not depend on gain, resonances or slip, so
-    that a classifier can be trained on one machine and applied to another one with other bearings.
-
-    Parameters
-    ----------
-    parts : part, or sequence of parts
-        `Bearing`, `Gear` and so on, or mappings of fault names to orders.
-    harmonics : int
-        Number of lines of each fault.
-    slip : float
-        Largest deviation of rolling elements from the predicted orders, as a fraction.
-    revolutions : float
-        Length of a segment of the spectra. 25 revolutions separate the lines of most bearings; a
-        recording must be at least as long.
-    min_speed : float
-        Speed up to which the shaft counts as standing still [rad/s].
-    channels : sequence of str, optional
-        Vibration channels, in this order. Default: all.
-    classifier : estimator, optional
-        Last step, such as `CostSensitiveGaussianBayes`. Default: none, so that `transform` returns
-        the levels.
-    n_jobs : int, optional
-        Number of recordings processed in parallel.
-
-    Returns
-    -------
-    Pipeline
-        Steps "cepstralprewhitening", "envelopedetector", "orderresampler", "orderpsd",
-        "faultlines" and, if given, "classifier". X is a list of `Recording`; the columns are named
-        ``channel@BPFI``.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a parameter is invalid.
-
-    See Also
-    --------
-    emacm.find_faults : Without training data.
-    emacm.actuator_recipe : For strokes of an actuator.
-
-    Notes
-    -----
-    The envelope is its amplitude (not squared), from 1/32 to 15/32 of the sampling rate. These
-    choices were made on the drive end of the CWRU test rig and on the MFPT recordings;
-    ``benchmarks/bearings.py`` evaluates them.
-
-    Examples
-    --------
-    >>> from emacm import Bearing, bearing_recipe
-    >>> recipe = bearing_recipe(Bearing(9, 7.94, 39.04))
-    >>> [name for name, _ in recipe.steps][:3]
-    ['cepstralprewhitening', 'envelopedetector', 'orderresampler']
-    """
-    check_number(revolutions, "revolutions", above=0)
-    top = highest_order(parts, harmonics, slip)
-    theta_s = 2 * np.pi / (2.6 * top)
-    recipe = make_pipeline(
-        CepstralPrewhitening(channels=channels),
-        EnvelopeDetector("full", channels=channels, squared=False),
-        OrderResampler(theta_s, min_speed=min_speed, channels=channels),
-        OrderPSD(revolutions, max_order=top, n_jobs=n_jobs),
-        FaultLines(parts, harmonics=harmonics, slip=slip, background=SETTINGS.background),
-    )
-    last = [] if classifier is None else [("classifier", classifier)]
-    return Pipeline(recipe.steps + last)
-
-
-def highest_order(parts: Any, harmonics: int, slip: float) -> float:
-    """Return the highest order that the measurement of the lines of some parts needs.
-
-    Examples
-    --------
-    >>> highest_order({"BPFI": 6.0}, 3, 0.02)
-    18.9
-    """
-    check_number(slip, "slip", at_least=0, below=0.2)
-    lines = [order for fault in fault_series(parts, harmonics) for order in fault.orders]
-    return round(max(lines) * (1 + slip), 1) + SETTINGS.background
 
 
 def actuator_recipe(
@@ -284,32 +180,3 @@ def _over_angle(revolutions: float, max_order: float, strokes: dict[str, Any]) -
 def _union(**blocks: Any) -> FeatureUnion:
     """Join features under their own names, which all differ."""
     return FeatureUnion([*blocks.items()], verbose_feature_names_out=False)
-
-
-def longest_stroke(recording: Recording, top: float, channels: Any, *, shortest: int) -> int:
-    """Return the whole revolutions of the longest stroke.
-
-    Raises
-    ------
-    ValueError
-        If they are fewer than `shortest`, or a sampling rate is too low for lines up to `top`.
-    """
-    longest = max((path.length for path in recording.paths()), default=0.0) / (2 * np.pi)
-    fastest = np.abs(recording.velocity).max() / (2 * np.pi)
-    speed = f"its speed (at most {60 * fastest:.4g} rpm) and the unit of it"
-    if longest < shortest:
-        raise ValueError(
-            f"its longest stroke has {longest:.3g} revolutions; {shortest} are needed to separate "
-            f"the lines of the faults. Check {speed}, or give a longer recording."
-        )
-    for name in recording.channels if channels is None else channels:
-        check_channel_names(recording.channels, [name])
-        width = 7 / 16 * recording.fs[name]  # of the envelope of the whole band
-        if top * fastest > width:
-            raise ValueError(
-                f"the lines of the faults reach order {top:.4g}, {top * fastest:.4g} Hz at its "
-                f"highest speed, but the envelope of channel {name!r}, sampled at "
-                f"{recording.fs[name]:g} Hz, ends at {width:.4g} Hz. "
-                f"Check {speed}, or lower harmonics."
-            )
-    return int(longest)

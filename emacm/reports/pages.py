@@ -21,7 +21,7 @@ from emacm.explanations.deviations import class_deviations, second_state_stateme
 from emacm.explanations.explain import explain_decision
 from emacm.machine.fault_lines import FaultLines
 from emacm.machine.fault_orders import fault_series
-from emacm.models.find_faults import find_faults
+from emacm.machine.find_faults import find_faults
 from emacm.models.scoring import (
     measured_quality,
     opened_classifier,

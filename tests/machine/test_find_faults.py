@@ -18,7 +18,7 @@ from emacm import (
     bearing_recipe,
     find_faults,
 )
-from emacm.models.find_faults import healthy_scores
+from emacm.machine.find_faults import healthy_scores
 
 FS = 12_000
 BEARING = Bearing(9, 7.94, 39.04)  # 6205
@@ -126,6 +126,52 @@ def test_a_healthy_machine_at_a_wrong_speed_is_not_assessed(factor):
     assert stated == pytest.approx(60 * run.velocity.mean() / TURN, rel=0.003)
 
 
+def ring_fault(fault, seed, factor):
+    """Return 8 s of a bearing at 900 rpm, whose stated speed is wrong by a factor."""
+    rng, t = np.random.default_rng(seed), np.arange(8 * FS) / FS
+    signal = rng.standard_normal(len(t))
+    if fault is not None:
+        struck = np.diff(np.floor(0.995 * ORDERS[fault] * 15 * t), prepend=0) > 0
+        load = 1 + np.cos(TURN * 15 * t) if fault == "BPFI" else 1.0
+        signal += np.convolve(12 * struck * load, RING)[: len(t)]
+    return Recording({"casing": signal}, FS, velocity=TURN * 15 * factor)
+
+
+@pytest.fixture(scope="module")
+def healthy_at_900_rpm():
+    return healthy_scores([ring_fault(None, seed, 1.0) for seed in range(20, 24)], BEARING)
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.96, 1.05, 1.07])
+def test_a_wrong_speed_is_noticed_with_healthy_recordings_too(factor, healthy_at_900_rpm):
+    faults = ["BPFO", "BPFI"] * 6
+    runs = [ring_fault(fault, seed, factor) for seed, fault in enumerate(faults)]
+    found = find_faults(runs, BEARING, healthy=healthy_at_900_rpm)
+    assert found["named"].tolist() == (faults if factor == 1.0 else ["not assessed"] * 12)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.05])
+def test_a_table_beside_a_healthy_one_has_no_answer_at_a_wrong_speed(factor):
+    spectra = bearing_recipe(BEARING)[:-1]
+    healthy = spectra.fit_transform([ring_fault(None, seed, 1.0) for seed in (20, 21)])
+    table = spectra.fit_transform([ring_fault("BPFI", 1, factor)])
+    expected = "BPFI" if factor == 1.0 else "not assessed"
+    assert find_faults(table, BEARING, healthy=healthy)["named"].tolist() == [expected]
+
+
+def test_healthy_recordings_at_a_wrong_speed_are_refused():
+    healthy = [running(seed=1), with_harmonics(running(seed=2), 1.05)]
+    with pytest.raises(ValueError, match=r"healthy: recording 1: harmonics of .* is the speed 1"):
+        find_faults([running()], BEARING, healthy=healthy)
+
+
+def test_lines_of_healthy_recordings_are_no_evidence_of_another_speed():
+    second = {"BPFO": ORDERS["BPFO"] / 1.05}  # the healthy machine has lines 5 % above it
+    run, *healthy = [running("BPFO", seed=seed) for seed in range(3)]
+    assert find_faults([run], second)["named"].tolist() == ["not assessed"]
+    assert find_faults([run], second, healthy=healthy)["named"].tolist() == ["none"]
+
+
 def test_without_slip_an_error_of_the_speed_that_is_rounding_changes_nothing():
     run = with_harmonics(running("BPFO", slip=0.0), 1.001)
     assert find_faults([run], BEARING, slip=0.0)["named"][0] == "BPFO"
@@ -214,6 +260,16 @@ def test_the_cage_alone_makes_the_ball_suspected():
     for k in (2, 4, 6):
         psd[round(k * ORDERS["BSF"] * 25)] *= 20
     assert find_faults(pd.DataFrame([psd], columns=columns), BEARING)["named"].tolist() == ["BSF"]
+
+
+def test_a_line_below_the_resolution_of_the_spectrum_is_not_measured():
+    # Of a shaft that turns once in ten revolutions, the cage has a line at order 0.04.
+    parts = [BEARING, Bearing(9, 7.94, 39.04, ratio=0.1, name="slow")]
+    found = find_faults([running("BPFO")], parts).iloc[0]
+    assert found["named"] == "BPFO"
+    assert found[["slow FTF", "slow BPFO"]].isna().tolist() == [True, False]
+    with pytest.raises(ValueError, match=r"first line of 'slow'.*Raise revolutions"):
+        bearing_recipe({"slow": 0.04, "BPFO": 3.58}).fit([running()])
 
 
 def test_of_two_equal_bearings_both_are_stated():
@@ -334,8 +390,9 @@ def test_scores_of_healthy_recordings_stand_for_them_and_the_table_shows_itself(
 
 def test_healthy_recordings_of_another_sampling_rate_are_refused():
     slow = Recording({"casing": running().signals["casing"]}, FS / 2, velocity=30.0)
-    with pytest.raises(ValueError, match=r"recording 0: channel 'casing' is sampled at 12000 Hz"):
-        find_faults([running()], BEARING, healthy=[slow])
+    for healthy in ([slow], healthy_scores([slow], BEARING)):
+        with pytest.raises(ValueError, match=r"recording 0: channel 'casing' is sampled at 12000"):
+            find_faults([running()], BEARING, healthy=healthy)
 
 
 # A bearing whose outer ring is near whole orders (4.91 with 2 % of slip includes 5), and one whose

@@ -1,0 +1,504 @@
+"""Faults named from the geometry of a machine, without training."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from emacm._checks import check_count, check_number, located
+from emacm.machine.fault_lines import FaultLines
+from emacm.machine.fault_orders import Parts, fault_series, only_damage
+from emacm.machine.fault_spectra import Fault, Measured, measured_spectra
+from emacm.recordings.inputs import check_channel_names, entry_name
+
+NONE, NOT_ASSESSED = "none", "not assessed"
+
+
+@dataclass(frozen=True)
+class NamingSettings:
+    """When a fault is named or suspected.
+
+    Chosen by ``python benchmarks/bearings.py`` on the drive end of CWRU and on MFPT; that `named`
+    and `depth` also hold for a further fault follows two false balls of the drive end.
+
+    Attributes
+    ----------
+    suspected : float
+        Score from which on a fault is suspected; with healthy recordings, the distance from their
+        highest score from which on it is named [dB].
+    named : float
+        Score from which on a fault is named without healthy recordings [dB].
+    depth : float
+        Depth of modulation from which on it is named without healthy recordings: amplitude of the
+        lines over the mean of the envelope.
+    """
+
+    suspected: float = 3.0
+    named: float = 6.0
+    depth: float = 0.04
+
+
+class FaultTable(pd.DataFrame):
+    """Result of `find_faults`: a DataFrame; notebooks show what was named, with its sentences.
+
+    Whatever is selected or computed from it is a plain DataFrame.
+    """
+
+    def _repr_html_(self) -> str:
+        shown = ("recording", "channel", "named", "suspected", "explanation")
+        return self[[name for name in shown if name in self]].to_html(index=False)
+
+
+def find_faults(
+    X: Any,
+    parts: Parts,
+    *,
+    harmonics: int = 3,
+    slip: float = 0.02,
+    false_alarm: float = 0.01,
+    channels: Sequence[str] | None = None,
+    healthy: Any = None,
+    settings: NamingSettings = NamingSettings(),
+) -> FaultTable:
+    """Name the fault of each recording and channel from the geometry of the machine.
+
+    No training is needed. A fault is named if its lines are significantly above the local
+    background (p-value), far enough above it, and modulate the envelope deeply enough. Lines that
+    healthy machines may also have are suspected. What carries no answer is not assessed.
+
+    Parameters
+    ----------
+    X : list of Recording, or table
+        Vibration as measured; prewhitening, envelope, resampling and spectra are those of
+        `bearing_recipe`, with segments of 25 revolutions, or of as many whole revolutions as a
+        shorter recording has, at least 10. Or a table of order spectra as `OrderPSD` returns it,
+        for bearings those of the envelope.
+    parts : part, or sequence of parts
+        `Bearing`, `Gear` and so on, or mappings of fault names to orders. Lines that undamaged
+        parts have too, of the mesh, the shafts and the supply, are not looked for.
+    harmonics : int
+        Number of lines of each fault.
+    slip : float
+        Largest deviation of rolling elements from the predicted orders, as a fraction.
+    false_alarm : float
+        Probability that a fault is named in a row that contains only background. At
+        1, the fault with the highest score is always named, and no threshold applies.
+    channels : sequence of str, optional
+        Channels, in this order. Default: all.
+    healthy : list of Recording, or table, or result of `healthy_scores`, optional
+        The same machine without faults, measured in the same way. Healthy machines have lines
+        too: a fault is then named if it is 3 dB above its highest healthy score, whatever it is.
+    settings : NamingSettings
+        Limits from which on a fault is suspected and named.
+
+    Returns
+    -------
+    DataFrame
+        One row for each recording and channel; notebooks show "named", "suspected" and
+        "explanation" as a table (`FaultTable`). Columns:
+
+        - "recording" (number in X), "channel",
+        - "named": name of the fault, or several joined by " + ", the strongest first; "none"; or
+          "not assessed", with the reason in "explanation",
+        - "suspected": in the same form, lines that healthy machines may also have at this level,
+          or that another speed or geometry would explain; "none" if a fault is named,
+        - the name of each fault: its score [dB], the mean level of its lines above the local
+          background, minus that of background alone (1 to 3 dB, because the best slip is chosen);
+          NaN if the spectrum does not resolve its lowest line, which is then not named,
+        - "p(<fault>)": probability of a score at least as high in background alone, not
+          smaller than 1/2001,
+        - "slip": deviation of the lines from their predicted orders, of the fault named or, if
+          there is none, of the one with the highest score,
+        - "calibrated": whether `healthy` was given,
+        - "explanation": a sentence.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an input is invalid, a recording is too short, its sampling rate is too low for the
+        lines or differs from that of `healthy`; the message gives the recording.
+
+    See Also
+    --------
+    emacm.fault_orders : Orders of the faults of several parts.
+    emacm.bearing_recipe : A classifier that is trained on lines.
+    emacm.angle_from_vibration : The shaft angle, if it was not measured.
+
+    Notes
+    -----
+    Without `healthy`, a fault is suspected from a score of 3 dB on, and named from 6 dB on, if the
+    amplitude of its lines is at least 4 % of the mean of the envelope (recordings only). These
+    numbers are from the drive end of CWRU and from MFPT; healthy bearings of other machines have
+    reached 9.5 dB, with which `healthy` or a trend decides. The p-value only excludes background:
+    it says nothing about other sources of lines.
+
+    The lines of a fault of a gear are those of its shaft, which healthy machines have too: without
+    `healthy` it is at most suspected, and beside a fault of rolling elements it is not looked for.
+
+    If the strongest fault is rejected, no other one is named. A further fault is named by lines
+    that those before it do not explain, in a spectrum of up to 100 or 50 revolutions: harmonics of
+    those, and sidebands at three multiples of each order that modulates them: of their own, and of
+    shaft and cage where most of these sidebands stand out by 3 dB. At least two such lines (and the
+    lowest order, unless it is explained) must be 9 dB above a background of 12 spectral lines on
+    either side, and their score and depth must reach the limits of a first fault without `healthy`.
+    Lines that coincide name nothing: the faults of bearings with orders near whole
+    numbers are often told apart incompletely.
+
+    A channel that is constant or clipped, has drop-outs, or at most three values is not assessed.
+    Nor is a recording whose speed, sampling rate or geometry is wrong; the explanation then states
+    the speed that would fit. This is found by the harmonics of the shaft (of recordings) or by the
+    lines of a fault:
+
+    - The first six harmonics of the shaft, if their mean height is 10 dB or more and 6 dB more than
+      at the stated speed, show an error up to 10 %. Up to `slip` the speed is corrected, from there
+      on the recording is not assessed. Another shaft of nearly the same speed, or harmonics of the
+      mains, may be taken for the shaft: raise `slip` then. Healthy recordings at a wrong speed are
+      refused.
+    - Lines within 10 % of the predicted orders, but outside of `slip`, would be named, and are
+      higher by 3 dB than those within (by 6 dB if these would be named without `healthy`). Lines
+      that healthy recordings have there are no evidence of a wrong speed.
+
+    Rolling elements are not synchronous with the shaft, so whole orders count as background for
+    their lines (a loose part or a blade has lines there) unless a line is predicted there. The
+    second highest line of such a fault must be within 12 dB of the highest, or there must be
+    sidebands: impacts have harmonics, while a noise modulated by another shaft or by the mains has
+    a single line. In the recordings of the drive end and of MFPT it is within 8.2 dB.
+
+    Impacts of another source, as of a belt or a loose part, have lines at all multiples of a lower
+    order. If the lines between those of a fault of rolling elements (in the spectrum of up to 100
+    revolutions, without sidebands) are at least 0.9 times as high in decibels, it is suspected.
+
+    An order that modulates another fault of the machine (the cage FTF modulates the lines of a
+    ball, the shaft those of the inner ring) is not named: the other one is suspected.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from emacm import Recording, find_faults
+    >>> rng, fs = np.random.default_rng(0), 10_000
+    >>> struck = np.zeros(8 * fs)
+    >>> struck[(np.arange(0, 8, 1 / (30 * 5.43)) * fs).astype(int)] = 1.0
+    >>> ring = np.exp(-np.arange(60) / 10) * np.sin(0.6 * np.pi * np.arange(60))
+    >>> signal = np.convolve(struck, ring)[: 8 * fs] + 0.3 * rng.standard_normal(8 * fs)
+    >>> run = Recording({"vibration": signal}, fs, velocity=2 * np.pi * 30)
+    >>> find_faults([run], {"BPFI": 5.415, "BPFO": 3.585})["named"].tolist()
+    ['BPFI']
+    """
+    check_count(harmonics, "harmonics", at_most=100)
+    check_number(false_alarm, "false_alarm", above=0, at_most=1)
+    parts = only_damage(parts)
+    series = fault_series(parts, harmonics)
+    if not series:
+        raise ValueError(
+            "the parts have no lines of damage. Add a Bearing, BallScrew, Gear or PlanetaryGear, "
+            "or a mapping of names to orders."
+        )
+    if false_alarm < len(series) / 2001:  # p-values are at least 1/2001
+        raise ValueError(
+            f"false_alarm = {false_alarm:g} is below {len(series) / 2001:.2g}, the smallest that "
+            f"2000 simulated backgrounds resolve for {len(series)} faults. Raise it, or leave "
+            f"parts out."
+        )
+    options: dict[str, Any] = {"harmonics": harmonics, "slip": slip, "channels": channels}
+    by_channel = healthy
+    if healthy is not None and not isinstance(healthy, Mapping):
+        by_channel = healthy_scores(healthy, parts, **options)
+    rows = []
+    for measured in measured_spectra(X, FaultLines(parts, **options)):
+        usual = None
+        if by_channel is not None:
+            check_channel_names(list(by_channel), [measured.channel], "healthy")
+            usual = by_channel[measured.channel]
+            _check_rate(X, measured, usual.fs)
+        case = _Case(measured, usual, false_alarm, settings)
+        # The first rule that answers decides.
+        rules = _defect, _highest_score, _wrong_speed, _named, _suspected
+        finding = next(filter(None, (rule(case) for rule in rules)))
+        row = {"recording": measured.number, "channel": measured.channel}
+        row |= {"named": finding.named, "suspected": finding.suspected}
+        row |= {fault.name: fault.score for fault in case.faults}
+        row |= {f"p({fault.name})": fault.p for fault in case.faults}
+        row |= {"slip": finding.fault.slip, "calibrated": healthy is not None}
+        rows.append(row | {"explanation": finding.text + measured.correction})
+    names = [fault.name for fault in series]
+    head = ["recording", "channel", "named", "suspected", *names, *(f"p({n})" for n in names)]
+    return FaultTable(rows, columns=[*head, "slip", "calibrated", "explanation"])
+
+
+class HealthyScores(NamedTuple):
+    """Highest score of each fault in healthy recordings, not below 0 dB, of one channel.
+
+    Attributes
+    ----------
+    fs : float
+        Sampling rate [Hz]; NaN for a table.
+    within_slip, other_speeds : dict of str to float
+        Score at the stated speed, and within the largest error of it [dB].
+    """
+
+    fs: float
+    within_slip: dict[str, float]
+    other_speeds: dict[str, float]
+
+
+def healthy_scores(
+    healthy: Any,
+    parts: Any,
+    *,
+    harmonics: int = 3,
+    slip: float = 0.02,
+    channels: Sequence[str] | None = None,
+) -> dict[str, HealthyScores]:
+    """Return the highest score of each fault in healthy recordings, not below 0 dB, by channel.
+
+    `find_faults` takes the result as `healthy`, so that many recordings can be judged one by one.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `find_faults`; also if the harmonics of the shaft show that a speed is wrong.
+    """
+    by_channel: dict[str, HealthyScores] = {}
+    parts = only_damage(parts)
+    levels = FaultLines(parts, harmonics=harmonics, slip=slip, channels=channels)
+    with located("healthy"):
+        for measured in measured_spectra(healthy, levels):
+            if measured.is_shifted:
+                name = entry_name(healthy, measured.number)
+                raise ValueError(f"{name}: {_speed_text(measured, None)}")
+            own = by_channel.setdefault(measured.channel, HealthyScores(measured.fs, {}, {}))
+            spectrum = measured.spectrum
+            for scores, faults in (
+                (own.within_slip, spectrum.faults()),
+                (own.other_speeds, spectrum.faults_at_other_speeds()),
+            ):
+                scores |= {f.name: max(f.score, scores.get(f.name, 0.0)) for f in faults}
+    return by_channel
+
+
+class _Finding(NamedTuple):
+    """What is named and suspected in a spectrum, the fault that is explained, and a sentence."""
+
+    named: str
+    suspected: str
+    fault: Fault
+    text: str
+
+
+@dataclass(frozen=True)
+class _Case:
+    """What is measured of one channel, and what it is compared with.
+
+    Attributes
+    ----------
+    measured : Measured
+        Spectra, speed and defects.
+    healthy : HealthyScores or None
+        Scores of healthy recordings.
+    false_alarm : float
+        Probability that a fault is named in background alone.
+    settings : NamingSettings
+        Limits of scores.
+    """
+
+    measured: Measured
+    healthy: HealthyScores | None
+    false_alarm: float
+    settings: NamingSettings
+
+    @cached_property
+    def faults(self) -> list[Fault]:
+        """All faults."""
+        return _compared(self.measured.spectrum.faults(), self.healthy and self.healthy.within_slip)
+
+    @cached_property
+    def raised(self) -> list[Fault]:
+        """Those that healthy recordings do not have, or all of them."""
+        least = -np.inf if self.healthy is None else self.settings.suspected
+        return [fault for fault in self.faults if fault.excess >= least]
+
+    @cached_property
+    def best(self) -> Fault:
+        """The only one that may be named first."""
+        possible = [f for f in self.faults if not f.modulated(self.raised)] or self.faults
+        if self.healthy is None:  # shafts have lines in any case
+            possible = [fault for fault in possible if fault.series.slips] or possible
+        return max(possible, key=lambda fault: fault.excess)
+
+    @cached_property
+    def at_other_speed(self) -> Fault | None:
+        """The strongest fault that would be named with another speed."""
+        faults = self.measured.spectrum.faults_at_other_speeds()
+        likely = [
+            fault
+            for fault in _compared(faults, self.healthy and self.healthy.other_speeds)
+            if fault.series.slips
+            and not fault.modulated(self.faults)
+            and not self.below_limits(fault)
+        ]
+        return max(likely, key=lambda fault: fault.excess, default=None)
+
+    def below_limits(self, fault: Fault) -> str:
+        """Return which limit a fault does not reach, or ""."""
+        calibrated = self.healthy is not None
+        limit = self.settings.suspected if calibrated else self.settings.named
+        if not self.is_significant(fault):
+            return f", which background alone may reach (p = {fault.p:.2g})"
+        if fault.excess < limit:
+            remedy = "" if calibrated else "; healthy recordings of the machine would decide"
+            limit += fault.healthy
+            return f"; its score of {fault.score:.1f} dB is below {limit:.1f} dB{remedy}"
+        if fault.is_single:
+            return "; a single line is a modulation, impacts have harmonics"
+        if not calibrated and not fault.series.slips:
+            return (
+                "; shafts of healthy machines have such lines too: healthy recordings would decide"
+            )
+        if not calibrated and fault.depth < self.settings.depth:
+            return (
+                f"; they modulate the envelope by {100 * fault.depth:.1f} %, as those of healthy "
+                f"machines do, which would decide"
+            )
+        return ""
+
+    def rejection(self, fault: Fault) -> str:
+        """Return why a fault is not named, or ""."""
+        reason = self.below_limits(fault)
+        if not reason and self.measured.fine[0].has_other_source(fault):
+            return "; the lines between them are as high, as with impacts of another source"
+        return reason
+
+    def is_significant(self, fault: Fault) -> bool:
+        """Return whether background alone hardly reaches the score of a fault."""
+        return fault.p <= self.false_alarm / len(self.faults)
+
+
+def _compared(faults: list[Fault], healthy: Mapping[str, float] | None) -> list[Fault]:
+    """Return faults with their highest score in healthy recordings; without one, none is named."""
+    if healthy is None:
+        return faults
+    return [fault._replace(healthy=healthy.get(fault.name, np.inf)) for fault in faults]
+
+
+def _defect(case: _Case) -> _Finding | None:
+    """Assess no channel that carries no answer."""
+    if not case.measured.defect:
+        return None
+    return _Finding(NOT_ASSESSED, NONE, case.best, f"not assessed: {case.measured.defect}")
+
+
+def _highest_score(case: _Case) -> _Finding | None:
+    """Without a threshold, the fault with the highest score is named."""
+    if case.false_alarm < 1:
+        return None
+    return _Finding(case.best.name, NONE, case.best, _sentence(case.best, case.faults))
+
+
+def _wrong_speed(case: _Case) -> _Finding | None:
+    """Assess no channel whose lines fit another speed."""
+    measured, best, fault = case.measured, case.best, case.at_other_speed
+    if not measured.is_shifted:
+        if fault is None or measured.fine[0].has_other_source(fault):
+            return None
+        is_clear = best.excess >= case.settings.named and not case.below_limits(best)
+        if fault.excess < best.excess + (6.0 if is_clear else 3.0):
+            return None
+    text = _speed_text(measured, None if measured.is_shifted else fault)
+    suspected = NONE if fault is None else fault.name
+    return _Finding(NOT_ASSESSED, suspected, fault or best, f"not assessed: {text}")
+
+
+def _named(case: _Case) -> _Finding | None:
+    """Name the best fault, and further ones by lines that it does not explain."""
+    if case.rejection(case.best):
+        return None
+    named = [case.best]
+    while further := _further(case, [fault.name for fault in named]):
+        named.append(further)
+    text = "; ".join(_sentence(fault, case.faults) for fault in named)
+    return _Finding(" + ".join(fault.name for fault in named), NONE, case.best, text)
+
+
+def _further(case: _Case, named: Sequence[str]) -> Fault | None:
+    """Return the strongest further fault; it must reach the limits without healthy recordings."""
+    possible = [f.name for f in case.raised if case.healthy is not None or f.series.slips]
+    finest = case.measured.fine[0].lines
+    for spectrum in case.measured.fine:
+        likely = [
+            fault
+            for fault in spectrum.unexplained(named)
+            if fault.name in possible
+            # What only the finest spectrum tells from harmonics of the shaft is named in it alone.
+            and spectrum.lines.separates(fault.series) == finest.separates(fault.series)
+            and case.is_significant(fault)
+            and fault.score >= case.settings.named
+            and not fault.depth < case.settings.depth  # it is NaN in a table
+        ]
+        if likely:
+            return max(likely, key=lambda fault: fault.score)
+    return None
+
+
+def _suspected(case: _Case) -> _Finding:
+    """Suspect faults by lines that healthy machines may also have, or find none."""
+    likely = [
+        fault
+        for fault in case.raised
+        if fault.score >= case.settings.suspected
+        and case.is_significant(fault)
+        and not fault.is_single
+    ]
+    if case.best in likely:  # beside it only a shaft may be more likely
+        likely = [case.best, *(fault for fault in likely if not fault.series.slips)]
+    shown = max(likely or [case.best], key=lambda fault: fault.score)
+    reason = case.rejection(shown) if shown is case.best else case.below_limits(shown)
+    causes = shown.modulated(case.faults) or [shown]
+    suspected = " + ".join(fault.name for fault in causes) if likely else NONE
+    answer = f"{suspected} is suspected" if likely else "no fault"
+    text = f"{answer}: {_sentence(shown, case.faults)}{reason}"
+    return _Finding(NONE, suspected, shown, text)
+
+
+def _check_rate(X: Any, measured: Measured, fs: float) -> None:
+    """Raise a ValueError if healthy recordings were sampled at another rate."""
+    if abs(measured.fs / fs - 1) > 1e-6:  # it is NaN for a table
+        raise ValueError(
+            f"{entry_name(X, measured.number)}: channel {measured.channel!r} is sampled at "
+            f"{measured.fs:g} Hz, but in the healthy recordings at {fs:g} Hz. Use healthy "
+            f"recordings of the same sampling rate."
+        )
+
+
+def _speed_text(measured: Measured, fault: Fault | None) -> str:
+    """State the speed or geometry that fits the lines of a fault, or else those of the shaft."""
+    factor = 1 + (measured.shift if fault is None else fault.slip)
+    text = f"harmonics of the shaft are at {factor:.3f} and multiples of it"
+    if fault is not None:
+        order, side = fault.series.orders[0], "above" if fault.slip > 0 else "below"
+        text = (
+            f"lines at {order * factor:.3f} and multiples of it are like those of "
+            f"{fault.name}, but {100 * abs(fault.slip):.1f} % {side} {order:.3f}"
+        )
+    if np.isnan(measured.rpm):
+        return f"{text}. Correct the speed or the geometry, or raise slip."
+    question = f"is the speed {measured.rpm * factor:.0f} rpm, or the sampling rate wrong?"
+    return f"{text}: {question} Otherwise correct the geometry, or raise slip."
+
+
+def _sentence(fault: Fault, faults: Sequence[Fault]) -> str:
+    """Describe the lines of a fault."""
+    name, (*others, last) = fault.name, [f"{height:z.0f}" for height in fault.heights]
+    same = [f.name for f in faults if f.series.orders == fault.series.orders]
+    same = [other for other in same if other != name]
+    which = f"{name} (or {' or '.join(same)}: the same lines)" if same else name
+    lines = f"{which} and its harmonics are {', '.join(others)} and" if others else f"{which} is"
+    beside = f", with {' and '.join(fault.sides)} sidebands" if fault.sides else ""
+    kind = "" if fault.series.kind in ("", "given", name) else f": {fault.series.kind}"
+    causes = [other.name for other in fault.modulated(faults)]
+    cause = f", or the modulation of {' or '.join(causes)}" if causes else ""
+    return f"{lines} {last} dB above the local background{beside}{kind}{cause}"
