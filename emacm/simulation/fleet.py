@@ -83,18 +83,21 @@ def simulate_actuator(
     load = 0.4 + 0.6 * np.sin(phase)  # relative to the largest: spring with preload
     braked = np.sign(velocity) * (0.3 + np.abs(load))
 
-    orders = {"screw": 9.064, "inner ring": 6.123}
+    # Orders of the fault, and of its passage through the load zone; size of its impacts.
+    faults = {"screw": (9.064, 0.0, 0.4), "inner ring": (6.123, 1.0, 0.6)}
     torque = load + 0.05 * np.tanh(velocity) + 0.003 * ripple * np.sin(angle)
     force = 0.01 * noise * rng.standard_normal(len(times))
-    for order, size in zip(orders.values(), lines, strict=True):  # of healthy rolling elements
+    for (order, *_), size in zip(faults.values(), lines, strict=True):  # of healthy parts
         wave = size * np.sin(order * angle + rng.uniform(0, 2 * np.pi))
-        force += 0.008 * wave
-        torque -= 4e-4 * braked * wave
+        force += 0.004 * wave
+        torque -= 2e-4 * braked * wave
+    known = {}
     if severity:
-        turns_with = 1.0 if state == "inner ring" else 0.0
-        passage = ball_passage(orders[state], angle, rng, turns_with=turns_with)
-        torque -= 0.005 * severity * braked * passage.pulses
-        force += 0.4 * severity * passage.force
+        order, turns_with, impact = faults[state]
+        known[state] = (order,)
+        passage = ball_passage(order, angle, rng, turns_with=turns_with)
+        torque -= 0.012 * impact * severity * braked * passage.pulses
+        force += impact * severity * passage.force
     response = ringing(fs, resonance, 0.04, 0.06)
     response[0] = 0.6  # stiff parts of the housing follow at once
     vibration = 3e-4 * ripple * speed**2 * np.sin(angle)  # unbalance
@@ -112,7 +115,6 @@ def simulate_actuator(
     }
     measured = angle[::10] + 1e-4 * rng.standard_normal(len(angle[::10]))
     label = state if severity else "healthy"
-    known = {label: (orders[label],)} if severity else {}
     meta = {"unit": unit, "run": run, "label": label, "severity": severity, "orders": known}
     return Recording(signals, fs, angle=measured, shaft_fs=fs / 10, meta=meta | truth)
 
