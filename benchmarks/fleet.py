@@ -35,6 +35,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from laboratory import simulate_actuator
 from measure import header, table, write_json
 from numpy.typing import NDArray
 from scipy.signal import lfilter
@@ -47,7 +48,7 @@ from emacm.history.alarm_states import AlarmStates, reasons_of
 from emacm.history.false_alarms import AlarmSetting, alarm_setting
 from emacm.history.records import record_of, utc
 from emacm.history.sqlite_history import History
-from emacm.simulation.fleet import UnitLife, WearLaw, simulate_actuator
+from emacm.simulation.fleet import UnitLife, WearLaw
 
 Array = NDArray[np.float64]
 FAULTS = ("screw", "inner ring")

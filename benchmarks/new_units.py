@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from laboratory import simulate_actuator, simulate_fleet
 from measure import header, table
 from numpy.typing import NDArray
 from sklearn.model_selection import GroupKFold
@@ -31,7 +32,6 @@ from unknown import cranfield, features
 
 from emacm import CostSensitiveGaussianBayes, NewUnitClassifier
 from emacm.decisions.new_units import classes_above, probability_threshold
-from emacm.simulation.fleet import simulate_actuator, simulate_fleet
 
 Array = NDArray[np.float64]
 STATES = np.array(["healthy", "screw", "inner ring"])

@@ -17,6 +17,7 @@ import warnings
 from typing import Any
 
 import numpy as np
+from laboratory import LaboratoryBench, simulate_fleet
 from measure import header, table
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
@@ -24,7 +25,6 @@ from threadpoolctl import threadpool_limits
 
 import emacm
 from emacm.recordings.recording import Recording
-from emacm.simulation import LaboratoryBench, simulate_fleet
 
 FS = 4000.0  # of `simulate_fleet`
 SEVERITIES = (0.3, 0.7), (0.05, 0.4)

@@ -59,6 +59,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from laboratory import simulate_fleet
 from measure import header, json_option, medians, write_json
 from numpy.typing import NDArray
 from sklearn.calibration import CalibratedClassifierCV
@@ -83,7 +84,6 @@ from emacm import (
 from emacm.datasets import load_cranfield
 from emacm.evaluation.bootstrap import Tally, gap_of_cells
 from emacm.evaluation.figures import log_losses, most_probable
-from emacm.simulation import simulate_fleet
 
 Array = NDArray[np.float64]
 FAMILIES = ("lackLubrication", "backlash", "spalling")

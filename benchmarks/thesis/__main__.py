@@ -13,6 +13,8 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))  # of the package `laboratory`
+
 from chapter2 import reproduce_chapter2
 from chapter3 import reproduce_chapter3
 from chapter4 import reproduce_chapter4

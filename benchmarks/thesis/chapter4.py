@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import pandas as pd
+from laboratory import CONDITIONS, thesis_benches
 
 from chapter4_inputs import inputs_table
 from chapter4_pictures import draw_condition, draw_summary
@@ -31,8 +32,6 @@ from chapter4_tables import (
     readings_table,
     shares_table,
 )
-from emacm.simulation.fleet import thesis_benches
-from emacm.simulation.laboratory import CONDITIONS
 from findings import Chapter, Report, Verdict, silent
 
 # Tables 4.5 and 4.6: correct, false positive (false alarm), false negative (missed detection) [%].
@@ -200,7 +199,8 @@ def correct_shares(studies: Sequence[Study], *, fusion: bool = True) -> pd.Serie
         pd.concat([found.decisions, decide(fused(found))]) if fusion else found.decisions
         for found in studies
     ]
-    table = pd.concat(table.assign(pair=number) for number, table in enumerate(decisions))
+    pairs = (table.assign(pair=number) for number, table in enumerate(decisions))
+    table = pd.concat(pairs, ignore_index=True)
     return outcome_shares(table, ["scheme", "channel", "pair"])["correct"]
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+from laboratory.constants import ASSUMED, VARIATIONS, Actuator, Condition
 
 from chapter4_spectra import MIN_SPEED, REVOLUTIONS
-from emacm.simulation.laboratory import ASSUMED, VARIATIONS, Actuator, Condition
 
 _ASSUMED = "assumed"
 _INPUTS = [
@@ -93,7 +93,7 @@ def commanded_speed(condition: Condition) -> float:
 
     Examples
     --------
-    >>> from emacm.simulation import CONDITIONS
+    >>> from laboratory import CONDITIONS
     >>> round(commanded_speed(CONDITIONS[3]))
     6685
     """

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from laboratory import FAULT_ORDERS
 from scipy.ndimage import uniform_filter1d
 
 from chapter4_spectra import REVOLUTIONS, SIGNALS, UNITS, Campaign
@@ -16,7 +17,6 @@ from emacm.displays.planes import DecisionRegionsDisplay
 from emacm.displays.power import OrderBinsDisplay, OrderSpectrumDisplay
 from emacm.displays.recording import RecordingDisplay
 from emacm.recordings.recording import Recording
-from emacm.simulation.faults import FAULT_ORDERS
 from findings import Chapter
 
 _FIRST, _PER_CONDITION = 5, 12  # Fig. 4.5 is the first of condition 1, which has 12 figures

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
+from laboratory import CONDITIONS, LaboratoryBench
+from laboratory.faults import POLE_PAIRS
 from numpy.typing import NDArray
 
 from emacm.orders.bin_transformer import BinTransformer
@@ -16,9 +18,6 @@ from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler
-from emacm.simulation.bench import LaboratoryBench
-from emacm.simulation.faults import POLE_PAIRS
-from emacm.simulation.laboratory import CONDITIONS
 from findings import Report, silent
 
 SIGNALS = {  # channel: name in the thesis
@@ -252,7 +251,7 @@ def run_campaign(
 
     Examples
     --------
-    >>> from emacm.simulation import thesis_benches
+    >>> from laboratory import thesis_benches
     >>> campaign = run_campaign(thesis_benches(duration=0.1), n_runs=2)
     >>> campaign.frame["health"].value_counts().to_dict()
     {'healthy': 10, 'degraded': 10}

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from laboratory.faults import BEARING, POLE_PAIRS
 from sklearn.base import clone
 from sklearn.compose import make_column_transformer
 from sklearn.decomposition import PCA
@@ -21,7 +22,6 @@ from emacm.explanations.explain import explain_model, match_fault_orders
 from emacm.machine.fault_orders import fault_orders
 from emacm.machine.motors import Motor
 from emacm.orders.columns import parse_order_columns
-from emacm.simulation.faults import BEARING, POLE_PAIRS
 
 SCHEMES = {"per condition": "Table 4.5", "single": "Table 4.6"}
 GROUPS = ("inner ring", "electrical noise", "shaft")  # kinds of predicted orders

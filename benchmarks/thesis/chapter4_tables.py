@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
+from laboratory import CONDITIONS, LaboratoryBench
 from scipy.stats import binomtest
 
 from chapter4_inputs import commanded_speed
 from chapter4_spectra import READINGS, SIGNALS, Campaign
 from chapter4_study import FUSED, GROUPS, SCHEMES, Study, explained_shares, outcome_shares
-from emacm.simulation.bench import LaboratoryBench
-from emacm.simulation.laboratory import CONDITIONS
 
 _TEST_RUNS = 100  # of the thesis: 2 units, 5 conditions, 10 runs
 

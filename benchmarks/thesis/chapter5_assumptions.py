@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from laboratory import thesis_benches
 
 from chapter4 import control_studies, correct_shares
 from chapter4_spectra import SIGNALS, run_campaign
@@ -19,7 +20,6 @@ from chapter5_detection import (
     flagged_recordings,
     severity_of_detection,
 )
-from emacm.simulation.fleet import thesis_benches
 
 AS_ASSUMED, TWICE, OTHER = "as assumed", "twice the spread of units", "condition 3"
 _SPREADS = {

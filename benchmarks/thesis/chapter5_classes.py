@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from laboratory import FAULTS
 from sklearn.compose import make_column_transformer
 from sklearn.metrics import balanced_accuracy_score
 from sklearn.pipeline import Pipeline, make_pipeline
@@ -18,7 +19,6 @@ from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.posterior_product import PosteriorProduct
 from emacm.evaluation.evaluate import evaluate
 from emacm.evaluation.novelty import evaluate_unknown
-from emacm.simulation.faults import FAULTS
 
 LOWEST = 0.4  # severity: what is not detected cannot be isolated
 _NOVELTY_SIGNALS = ("current_a", "accelerometer")

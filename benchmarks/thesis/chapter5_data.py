@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
+from laboratory import FAULTS, LaboratoryBench
 from numpy.typing import NDArray
 
 from chapter4_spectra import MIN_SPEED, PAIRS, SIGNALS
@@ -16,8 +17,6 @@ from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler
-from emacm.simulation.bench import LaboratoryBench
-from emacm.simulation.faults import FAULTS
 from findings import Report, silent
 
 CONDITION = 4  # strokes past the jam, under a load that changes its sign: every fault has an effect

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from laboratory import FAULTS
 from numpy.typing import NDArray
 
 from chapter4_spectra import SIGNALS
 from chapter5_data import Features
-from emacm.simulation.faults import FAULTS
 
 FALSE_ALARMS = 0.01
 ALL = "all signals"

@@ -12,8 +12,7 @@ import scipy  # scipy.io is imported when it is used
 
 from emacm.machine.fault_orders import fault_orders
 from emacm.machine.rolling import bearing_of
-from emacm.simulation.faults import Fault, ball_passage
-from emacm.simulation.laboratory import Array
+from emacm.simulation.impacts import Array, ball_passage, ringing
 
 BEARING = bearing_of("6205")
 
@@ -57,26 +56,21 @@ def simulate_pump(
     angle = np.cumsum(speed) * (np.pi / 30 / fs)
     vibration = rng.standard_normal(len(times)) + rng.uniform(1, 2) * np.sin(angle)
     if state != "healthy":
-        vibration += _impacts(state, angle, fs, rng)
+        vibration += _vibration_of_defect(state, angle, fs, rng)
     columns = {"time [s]": times.round(6), "vibration [g]": vibration.round(4)}
     return pd.DataFrame(columns | {"speed [rpm]": speed.round(1)})
 
 
-def _impacts(state: str, angle: Array, fs: float, rng: np.random.Generator) -> Array:
+def _vibration_of_defect(state: str, angle: Array, fs: float, rng: np.random.Generator) -> Array:
     """Return what the rolling elements excite that pass a defect."""
     kind, turns = {"outer": ("BPFO", 0.0), "inner": ("BPFI", 1.0)}[state]
     order = float(fault_orders(BEARING)["order"][kind])
-    passage = ball_passage(Fault(orders=(order,), rolls=True, turns_with=turns), angle, rng)
-    struck = np.zeros(len(angle))
+    passage = ball_passage(order, angle, rng, turns_with=turns)
     size = np.exp(0.2 * rng.standard_normal())  # of this recording
-    struck[passage.impacts] = size * passage.sizes * passage.weight[passage.impacts]
-    after = np.arange(round(0.02 * fs)) / fs
-    # The housing, with a resonance at 1300 Hz and a damping ratio of 0.06, rings with 9 times the
-    # noise of 1 g; a slow part of 2.5 g decays in 3 ms.
-    omega = 2 * np.pi * 1300
-    answer = 9 * np.exp(-0.06 * omega * after) * np.sin(omega * after)
-    answer += 2.5 * np.exp(-after / 0.003)
-    return np.convolve(struck, answer)[: len(angle)]
+    # The housing rings with 9 times the noise of 1 g; a slow part of 2.5 g decays in 3 ms.
+    response = 9 * ringing(fs, 1300, 0.06, 0.02)
+    response += 2.5 * np.exp(-np.arange(len(response)) / (0.003 * fs))
+    return np.convolve(size * passage.force, response)[: len(angle)]
 
 
 def write_example(folder: Path) -> list[Path]:

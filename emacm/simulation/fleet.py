@@ -1,18 +1,17 @@
-"""Units on the bench: those of the thesis, fleets for a trial within seconds, and wear."""
+"""Simulated actuators: a fleet with and without faults, and units that wear out."""
 
 from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm._checks import check_count, check_number
+from emacm._checks import check_choice, check_count, check_number
 from emacm.recordings.recording import Recording
-from emacm.simulation.bench import LaboratoryBench
-from emacm.simulation.laboratory import Array
+from emacm.simulation.impacts import Array, ball_passage, ringing
 
 STATES = ("healthy", "screw", "inner ring")
 
@@ -21,43 +20,103 @@ def simulate_actuator(
     state: str = "healthy",
     *,
     severity: float = 0.5,
+    unit: int = 0,
     run: int = 1,
-    **constants: Any,
+    duration: float = 6.0,
+    seed: int = 0,
+    **truth: float,
 ) -> Recording:
-    """Simulate one short run of an actuator that moves back and forth: a preset of the bench.
+    """Simulate one run of an actuator that moves back and forth. All sizes are assumed.
+
+    A motor of 12 poles moves a ball screw in strokes of 28 revolutions, at most 61 rev/s, against
+    a spring. The torque modulates the current at order 6; forces on the housing excite its
+    resonance at 420 Hz. Units differ in their gain, resonance, ripple and lines of healthy rolling
+    elements. `benchmarks/laboratory` has models of the mechanical and electrical parts instead.
 
     Parameters
     ----------
     state : {"healthy", "screw", "inner ring"}
-        State of health; for other faults, and for several, see `LaboratoryBench`.
+        State of health: a spall of the screw (order 9.064) or of the inner ring of its bearing
+        (6.123).
     severity : float
         Severity of the fault in [0, 1]; ignored if healthy.
-    run : int
-        Number of the run, from 1.
-    **constants
-        Parameters of `LaboratoryBench`. Here, `duration` is 6 s by default, `fs` is 4 kHz and
-        `cutoff` 1.5 kHz, which contain only the first two modes of the housing and orders up to 24.
+    unit, run : int
+        Number of the unit, and of the run. The same number is the same unit with any fault.
+    duration : float
+        Duration [s].
+    seed : int
+        Seed of all units and runs.
+    **truth
+        Further entries of `meta`.
 
     Returns
     -------
     Recording
-        As returned by `LaboratoryBench.record` in condition 4: strokes of 28 revolutions, at most
-        61 rev/s.
+        Channels "lvdt" [in], "velocity" [rad/s], "current_a" [A] and "accelerometer" [g] at 4 kHz,
+        and the angle of the shaft at 400 Hz. `meta` contains unit, run, label, severity and the
+        orders of the fault.
 
     Raises
     ------
-    TypeError, ValueError
-        If a parameter is invalid.
+    ValueError
+        If the state is unknown.
 
     Examples
     --------
     >>> recording = simulate_actuator("screw", duration=2.0)
-    >>> recording.channels, recording.meta["label"]
-    (('lvdt', 'velocity', 'current_a', 'accelerometer'), 'screw')
+    >>> recording.channels, recording.meta["orders"]
+    (('lvdt', 'velocity', 'current_a', 'accelerometer'), {'screw': (9.064,)})
     """
-    faults = {} if state == "healthy" else {state: severity}
-    options = {"duration": 6.0, "fs": 4000.0, "cutoff": 1500.0} | constants
-    return LaboratoryBench(faults=faults, **options).record(4, run)
+    check_choice(state, "state", STATES)
+    severity = 0.0 if state == "healthy" else severity
+    of_unit = np.random.default_rng([seed, unit])
+    gain, noise, ripple, *lines = np.exp([0.05, 0.2, 0.4, 0.5, 0.5] * of_unit.standard_normal(5))
+    resonance = 420 * np.exp(0.03 * of_unit.standard_normal())
+    rng = np.random.default_rng([seed, unit, run, zlib.crc32(state.encode())])
+
+    fs, slow = 4000.0, 2 * np.pi * 0.7  # Hz, rad/s
+    times = np.arange(round(duration * fs)) / fs
+    phase = slow * times + rng.uniform(0, 2 * np.pi)
+    angle = 28 * np.pi * np.sin(phase)
+    velocity = 28 * np.pi * slow * np.cos(phase)
+    speed = np.abs(np.cos(phase))
+    load = 0.4 + 0.6 * np.sin(phase)  # relative to the largest: spring with preload
+    braked = np.sign(velocity) * (0.3 + np.abs(load))
+
+    # Orders of the fault, and of its passage through the load zone; size of its impacts.
+    faults = {"screw": (9.064, 0.0, 0.4), "inner ring": (6.123, 1.0, 0.6)}
+    torque = load + 0.05 * np.tanh(velocity) + 0.003 * ripple * np.sin(angle)
+    force = 0.01 * noise * rng.standard_normal(len(times))
+    for (order, *_), size in zip(faults.values(), lines, strict=True):  # of healthy parts
+        wave = size * np.sin(order * angle + rng.uniform(0, 2 * np.pi))
+        force += 0.004 * wave
+        torque -= 2e-4 * braked * wave
+    known = {}
+    if severity:
+        order, turns_with, impact = faults[state]
+        known[state] = (order,)
+        passage = ball_passage(order, angle, rng, turns_with=turns_with)
+        torque -= 0.012 * impact * severity * braked * passage.pulses
+        force += impact * severity * passage.force
+    response = ringing(fs, resonance, 0.04, 0.06)
+    response[0] = 0.6  # stiff parts of the housing follow at once
+    vibration = 3e-4 * ripple * speed**2 * np.sin(angle)  # unbalance
+    vibration += np.convolve(speed * np.abs(braked) * force, response)[: len(times)]
+
+    quantities = {
+        "lvdt": (0.1575 / (2 * np.pi) * angle, 1e-3),
+        "velocity": (velocity, 0.2),
+        "current_a": (30 * torque * np.sin(6 * angle), 0.008),
+        "accelerometer": (gain * vibration, 3e-3),
+    }
+    signals = {
+        name: (values + error * rng.standard_normal(len(times))).astype(np.float32)
+        for name, (values, error) in quantities.items()
+    }
+    measured = angle[::10] + 1e-4 * rng.standard_normal(len(angle[::10]))
+    label = state if severity else "healthy"
+    meta = {"unit": unit, "run": run, "label": label, "severity": severity, "orders": known}
+    return Recording(signals, fs, angle=measured, shaft_fs=fs / 10, meta=meta | truth)
 
 
 def simulate_fleet(
@@ -119,42 +178,6 @@ def simulate_fleet(
             ]
     states, units = (np.array([r.meta[key] for r in recordings]) for key in ("label", "unit"))
     return recordings, states, units
-
-
-def thesis_benches(**constants: Any) -> tuple[LaboratoryBench, LaboratoryBench]:
-    """Return the two units of the thesis: a healthy one and one with a bad bearing.
-
-    The defect of the inner ring has a severity of 0.5 (not in the thesis, assumed), and the bearing
-    75 % of its grease. Section 4.5 reports electrical noise in LVDT and velocity of the healthy
-    unit, and less for the other (the ratio is assumed): a classifier can distinguish the units by
-    noise that is unrelated to the fault. For a study without this confounding, set equal
-    `electrical_noise` by `dataclasses.replace`.
-
-    Parameters
-    ----------
-    **constants
-        Parameters of both benches, as for `LaboratoryBench`.
-
-    Returns
-    -------
-    healthy, degraded : LaboratoryBench
-        Units 0 and 1.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a parameter is invalid.
-
-    Examples
-    --------
-    >>> [bench.label for bench in thesis_benches()]
-    ['healthy', 'inner ring + lubrication']
-    """
-    faults = {"inner ring": 0.5, "lubrication": 0.25}
-    return (
-        LaboratoryBench(unit=0, **constants),
-        LaboratoryBench(unit=1, faults=faults, electrical_noise=0.2, **constants),
-    )
 
 
 class UnitLife(NamedTuple):
@@ -306,7 +329,7 @@ def run_to_failure_fleet(
     Returns
     -------
     list of Recording
-        By unit and age, as returned by `LaboratoryBench.record` in condition 4 at 4 kHz. `meta`
+        By unit and age, with the channels and the `meta` of `simulate_fleet`. `meta`
         also contains "age", "onset", "life" and "remaining_life" (life - age) [h], the truth.
 
     Raises
@@ -326,24 +349,21 @@ def run_to_failure_fleet(
     law = WearLaw() if law is None else law
     recordings = []
     for unit in range(first_unit, first_unit + n_units):
-        found = law.draw(unit, interval, seed=seed)
-        options: dict[str, Any] = {"unit": unit, "duration": duration, "seed": seed}
-        readings = zip(found.ages.tolist(), found.severity.tolist(), strict=True)
+        history = law.draw(unit, interval, seed=seed)
+        readings = zip(history.ages.tolist(), history.severity.tolist(), strict=True)
         for run, (age, severity) in enumerate(readings, 1):
-            measured = simulate_actuator("inner ring", severity=severity, run=run, **options)
-            truth = {
-                "age": age,
-                "onset": found.onset,
-                "life": found.life,
-                "remaining_life": found.life - age,
-            }
             recordings.append(
-                Recording(
-                    measured.signals,
-                    measured.fs,
-                    angle=measured.angle,
-                    shaft_fs=measured.shaft_fs,
-                    meta={**measured.meta, **truth},
+                simulate_actuator(
+                    "inner ring",
+                    severity=severity,
+                    unit=unit,
+                    run=run,
+                    duration=duration,
+                    seed=seed,
+                    age=age,
+                    onset=history.onset,
+                    life=history.life,
+                    remaining_life=history.life - age,
                 )
             )
     return recordings

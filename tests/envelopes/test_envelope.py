@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
+from laboratory import FAULT_ORDERS, LaboratoryBench
 from scipy import signal as filters
 from sklearn.pipeline import make_pipeline
 
 from emacm import EnvelopeDetector, OrderPSD, OrderResampler, Recording
 from emacm.envelopes.envelope import EnvelopeSeries, analytic_filter, kaiser_order
-from emacm.simulation.bench import LaboratoryBench
-from emacm.simulation.faults import FAULT_ORDERS
 
 TURN = 2 * np.pi
 FS = 10_000.0

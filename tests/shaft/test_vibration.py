@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from laboratory import LaboratoryBench
+from laboratory.constants import Condition
 from scipy.signal import lfilter
 
 from emacm import Bearing, Motor, OrderPSD, OrderResampler, Recording, angle_from_vibration
-from emacm.simulation import LaboratoryBench
-from emacm.simulation.laboratory import Condition
 
 TURN = 2 * np.pi
 FS = 12_000
@@ -153,7 +153,7 @@ def test_a_shaft_that_reverses_all_the_time_is_refused(condition, orders, channe
 def test_a_phase_current_gives_the_speed_of_long_strokes_of_the_bench(unit, monkeypatch):
     # 80 in at 4 in/s, much longer than the rod, at 160 rad/s; then back at the same speed.
     stroke = Condition("triangle", 0.0, 20.0, 0.05, 0.0, 278.0)
-    monkeypatch.setattr("emacm.simulation.bench.CONDITIONS", {2: stroke})
+    monkeypatch.setattr("laboratory.bench.CONDITIONS", {2: stroke})
     recording = LaboratoryBench(unit=unit, duration=20.0, fs=FS, cutoff=4500.0).record(2)
     current = recording.signals["current_a"].astype(float)
     noisy = current + 10**-0.5 * current.std() * np.random.default_rng(unit).normal(size=20 * FS)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, weibull_min
 
-from emacm.simulation import WearLaw, run_to_failure_fleet, simulate_fleet, thesis_benches
+from emacm import OrderPSD, OrderResampler
+from emacm.simulation import WearLaw, run_to_failure_fleet, simulate_fleet
 from emacm.simulation.fleet import STATES, simulate_actuator
 
 
@@ -28,18 +29,57 @@ def test_a_fleet_has_units_and_runs_of_every_state():
     assert len(set(severities)) == 5
 
 
-def test_the_degraded_unit_has_a_bad_inner_ring_and_three_quarters_of_its_grease():
-    healthy, degraded = thesis_benches()
-    assert healthy.faults == {}
-    assert degraded.faults == {"inner ring": 0.5, "lubrication": 0.25}
-    assert degraded.electrical_noise < healthy.electrical_noise
+def spectrum(recording, channel):
+    resampler = OrderResampler(2 * np.pi / 64, channels=[channel], min_speed=1.0)
+    psd = OrderPSD(8, max_order=26)
+    (power,) = psd.fit_transform(resampler.fit_transform([recording]))
+    return psd.orders_, np.asarray(power)
+
+
+def level(recording, channel, order):
+    orders, power = spectrum(recording, channel)
+    return power[np.abs(orders - order) <= 0.15].max()
+
+
+def test_the_shaft_moves_back_and_forth_by_28_revolutions_at_most_61_per_second():
+    recording = simulate_actuator()
+    table = OrderResampler(min_speed=1.0).quality([recording])
+    assert table["longest_stroke"][0] == pytest.approx(28, abs=0.3)
+    assert table["strokes"][0] in (8, 9)  # of 1 / 1.4 s
+    assert table["fastest"][0] == pytest.approx(2 * np.pi * 61.6, rel=0.01)
+    lead = np.polyfit(recording.angle, recording.signals["lvdt"][::10], 1)[0]  # in/rad
+    assert lead == pytest.approx(0.1575 / (2 * np.pi), rel=1e-3)
+
+
+@pytest.mark.parametrize("state", STATES[1:])
+def test_a_fault_is_at_its_order_in_the_vibration_and_beside_order_6_in_the_current(state):
+    faulty, healthy = simulate_actuator(state), simulate_actuator()
+    ((order,),) = faulty.meta["orders"].values()
+    side = 1.0 if state == "inner ring" else 0.0  # it turns through the load zone
+    for channel, line in (
+        ("accelerometer", order),
+        ("accelerometer", 2 * order + side),
+        ("current_a", 6 + order + side),
+        ("current_a", abs(6 - order) + side),
+    ):
+        assert level(faulty, channel, line) > 5 * level(healthy, channel, line)
+    assert healthy.meta["orders"] == {}
+    orders, power = spectrum(healthy, "current_a")
+    assert orders[power.argmax()] == 6
+
+
+def test_the_level_is_that_of_the_unit_in_all_its_runs():
+    levels = [
+        [np.log(np.std(simulate_actuator(unit=u, run=r).signals["accelerometer"])) for r in (1, 2)]
+        for u in range(12)
+    ]
+    assert np.corrcoef(np.transpose(levels))[0, 1] > 0.8
 
 
 @pytest.mark.parametrize(
     ("make", "arguments", "message"),
     [
-        (simulate_actuator, {"state": "worn"}, "a fault must be one of 'inner ring'"),
-        (simulate_actuator, {"fs": 0}, "fs must be a number of Hz, above 3000, got 0"),
+        (simulate_actuator, {"state": "worn"}, "state must be one of 'healthy'"),
         (simulate_fleet, {"severity": (0.5, 1.5)}, "severity must be .* at most 1, got 1.5"),
         (simulate_fleet, {"severity": 0.5}, "severity must be a pair .*, got 0.5"),
         (run_to_failure_fleet, {"interval": 0.0}, "interval must be a number of h, above 0"),

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from laboratory import thesis_benches
+from laboratory.constants import TRANSDUCERS
 from scipy import signal as filters
 from scipy.integrate import trapezoid
 
 from chapter4 import PUBLISHED, reproduce_chapter4
 from chapter4_spectra import READINGS, SIGNALS, pair, run_campaign
 from chapter4_study import FUSED, OUTCOMES, classified, decide, expected_orders
-from emacm.simulation.fleet import thesis_benches
-from emacm.simulation.laboratory import TRANSDUCERS
 
 pytestmark = pytest.mark.slow
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from laboratory import FAULTS
 
 from chapter4_spectra import SIGNALS
 from chapter5 import reproduce_chapter5
@@ -17,7 +18,6 @@ from chapter5_detection import (
     severity_of_detection,
 )
 from chapter5_trend import trend_table
-from emacm.simulation.faults import FAULTS
 
 SHIFT = {"velocity": 9.0, "current_a": 30.0}  # standard deviations at severity 1, of one bin
 

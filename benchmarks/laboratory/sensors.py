@@ -7,8 +7,8 @@ from scipy import signal as filters
 from scipy.constants import arcminute
 
 from emacm.shaft.angle import angle_from_resolver
-from emacm.simulation.faults import POLE_PAIRS
-from emacm.simulation.laboratory import ASSUMED, TRANSDUCERS, Actuator, Array, sines
+from laboratory.constants import ASSUMED, TRANSDUCERS, Actuator, Array, sines
+from laboratory.faults import POLE_PAIRS
 
 
 def interference(times: Array, rng: np.random.Generator) -> tuple[Array, Array]:

@@ -12,15 +12,9 @@ import numpy as np
 
 from emacm._checks import check_choice, check_count, check_number
 from emacm.recordings.recording import Recording
-from emacm.simulation import motor, sensors
-from emacm.simulation.faults import (
-    FAULTS,
-    ball_passage,
-    check_faults,
-    draw_imperfections,
-    healthy_lines,
-)
-from emacm.simulation.laboratory import (
+from emacm.simulation.impacts import ball_passage
+from laboratory import motor, sensors
+from laboratory.constants import (
     ASSUMED,
     CONDITIONS,
     RATED_CURRENT,
@@ -32,7 +26,13 @@ from emacm.simulation.laboratory import (
     drift,
     warmth,
 )
-from emacm.simulation.mechanics import bench_motion, rod_position
+from laboratory.faults import (
+    FAULTS,
+    check_faults,
+    draw_imperfections,
+    healthy_lines,
+)
+from laboratory.mechanics import bench_motion, rod_position
 
 
 class BenchTruth(NamedTuple):
@@ -246,7 +246,13 @@ class LaboratoryBench:
         )
         force += share * row.load(motion.angle / actuator.angle_per_inch)
         passages = {
-            name: ball_passage(faults[name], motion.angle, rng(name), actuator.mark)
+            name: ball_passage(
+                *faults[name].orders,
+                motion.angle,
+                rng(name),
+                turns_with=faults[name].turns_with,
+                mark=actuator.mark,
+            )
             for name in meta["faults"]
             if faults[name].rolls
         }

@@ -1,11 +1,11 @@
-"""Faults of the bench, rolling element passages, and imperfections of a healthy unit."""
+"""Faults of the bench, and imperfections of a healthy unit."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from emacm._checks import check_choice, check_number
 from emacm.machine.fault_orders import fault_orders
 from emacm.machine.rolling import Bearing
-from emacm.simulation.laboratory import ASSUMED, Array
+from laboratory.constants import ASSUMED, Array
 
 # Assumed: geometry of an angular contact bearing that gives the order 6.123 of chapter 4.
 BEARING = Bearing(10, 0.2478, 1.0, math.radians(25))
@@ -130,83 +130,6 @@ def check_faults(faults: Any) -> dict[str, float]:
         check_choice(name, "a fault", tuple(FAULTS))
         check_number(severity, f"severity of {name!r}", at_least=0, at_most=1)
     return {name: float(faults[name]) for name in FAULTS if name in faults}
-
-
-class Passage(NamedTuple):
-    """Passage of the rolling elements over a defect.
-
-    Attributes
-    ----------
-    phase : ndarray of shape (n_times,)
-        Number of rolling elements that have passed; an impact occurs at each whole number.
-    weight : ndarray of shape (n_times,)
-        Fraction of the load that the contact at the defect carries, in [0, 1].
-    impacts : ndarray of shape (n_impacts,), of int
-        Samples of the impacts.
-    sizes : ndarray of shape (n_impacts,)
-        Random size of each impact, relative to the median.
-    """
-
-    phase: Array
-    weight: Array
-    impacts: NDArray[np.intp]
-    sizes: Array
-
-    @property
-    def pulses(self) -> Array:
-        """One pulse per rolling element, with mean 0 and a width of a fifth of their distance."""
-        return self.weight * (np.cos(np.pi * self.phase) ** 16 - 6435 / 32768)  # less its mean
-
-
-def ball_passage(
-    fault: Fault, angle: Array, rng: np.random.Generator, mark: float = 0.0
-) -> Passage:
-    """Return when rolling elements pass a defect, with slip, and under which load.
-
-    The intervals between impacts are independent random numbers, so that the phase is lost over
-    many impacts, as measured on machines [1]_. The load is distributed over the ring by
-    Stribeck's formula [2]_: impacts on a defect that turns through the load zone are modulated.
-
-    Parameters
-    ----------
-    fault : Fault
-        One over which rolling elements pass.
-    angle : ndarray of shape (n_times,)
-        Shaft angle [rad].
-    rng : Generator
-        Random numbers of the slip, of the initial position and of the size of impacts.
-    mark : float
-        Angular position of the defect relative to the shaft [rad].
-
-    Returns
-    -------
-    Passage
-
-    References
-    ----------
-    .. [1] J. Antoni and R. B. Randall, A stochastic model for simulation and diagnostics of rolling
-       element bearings with localized faults, J. Vib. Acoust. 125 (2003).
-    .. [2] T. A. Harris, Rolling Bearing Analysis: load over a ring is
-       ``(1 - (1 - cos(psi)) / (2 epsilon)) ** 1.5``; epsilon 1.2 is assumed.
-
-    Examples
-    --------
-    >>> angle = np.linspace(0, 2 * np.pi * 100, 100_000)
-    >>> len(ball_passage(FAULTS["inner ring"], angle, np.random.default_rng(0)).impacts)
-    612
-    """
-    (order,) = fault.orders
-    steps = np.diff(angle, prepend=angle[0]) * (order / (2 * np.pi))
-    start = rng.uniform()
-    slip = np.cumsum(ASSUMED.slip * np.sqrt(np.abs(steps)) * rng.standard_normal(len(angle)))
-    phase = start + order / (2 * np.pi) * (angle - angle[0]) + slip
-    impacts = np.flatnonzero(np.diff(np.floor(phase))) + 1
-    sizes = np.exp(ASSUMED.impact_scatter * rng.standard_normal(len(impacts)))
-    weight = np.ones_like(phase)
-    if fault.turns_with:
-        psi = fault.turns_with * angle + mark
-        weight = (1 - (1 - np.cos(psi)) / (2 * ASSUMED.load_zone)) ** 1.5
-    return Passage(phase, weight, impacts, sizes)
 
 
 def draw_imperfections(rng: np.random.Generator, spread: float = 1.0) -> tuple[Array, Array, Array]:

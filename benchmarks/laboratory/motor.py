@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy import signal as filters
 from scipy.constants import g, lbf
 
-from emacm.simulation.faults import CAGE_ORDER, POLE_PAIRS, Fault, Passage
-from emacm.simulation.laboratory import (
+from emacm.simulation.impacts import Passage
+from laboratory.constants import (
     ASSUMED,
     PEAK_SPEED,
     RATED_CURRENT,
@@ -22,7 +22,8 @@ from emacm.simulation.laboratory import (
     drift,
     sines,
 )
-from emacm.simulation.mechanics import Motion, jam_torque
+from laboratory.faults import CAGE_ORDER, POLE_PAIRS, Fault
+from laboratory.mechanics import Motion, jam_torque
 
 
 class Unit(NamedTuple):
@@ -142,7 +143,7 @@ def phase_currents(unit: Unit, torque: Array, angle: Array) -> Array:
 
     Examples
     --------
-    >>> from emacm.simulation.faults import FAULTS
+    >>> from laboratory.faults import FAULTS
     >>> unit = Unit(Actuator(), {name: fault.scaled(0) for name, fault in FAULTS.items()}, {})
     >>> quarter = np.array([np.pi / 2 / POLE_PAIRS])
     >>> phase_currents(unit, np.array([5.28]), quarter).round(1).ravel()

@@ -236,7 +236,7 @@ class Actuator:
 
     The thesis states 12 poles, a peak speed of 4572 RPM at 220 V, and 3700 lbf at 15.6 A RMS
     (Table 4.1). All constants below are assumed; constants of sensors and drive are in
-    `emacm.simulation.laboratory`.
+    `laboratory.constants`.
 
     Attributes
     ----------

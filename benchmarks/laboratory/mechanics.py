@@ -11,8 +11,7 @@ from scipy import signal as filters
 from scipy.constants import inch, lbf
 from scipy.interpolate import BSpline
 
-from emacm.simulation.faults import POLE_PAIRS, Fault
-from emacm.simulation.laboratory import (
+from laboratory.constants import (
     ASSUMED,
     PEAK_SPEED,
     SUPPLY_VOLTAGE,
@@ -20,6 +19,7 @@ from emacm.simulation.laboratory import (
     Array,
     Condition,
 )
+from laboratory.faults import POLE_PAIRS, Fault
 
 # V peak of a phase for the planned motion: 220 V between phases, less a reserve.
 _ALLOWED = ASSUMED.voltage_reserve * (SUPPLY_VOLTAGE * sqrt(2 / 3))
@@ -103,7 +103,7 @@ def bench_motion(
 
     Examples
     --------
-    >>> from emacm.simulation.laboratory import CONDITIONS, RPM
+    >>> from laboratory.constants import CONDITIONS, RPM
     >>> times = np.arange(48_000) / 48_000
     >>> motion = bench_motion(CONDITIONS[3], Actuator(), times, 0.0, 1.0, Fault())
     >>> round(float(motion.velocity.max()) / RPM)
@@ -162,7 +162,7 @@ def jam_torque(angle: Any, actuator: Actuator, jam: Fault) -> Any:
 
     Examples
     --------
-    >>> from emacm.simulation.faults import FAULTS
+    >>> from laboratory.faults import FAULTS
     >>> actuator = Actuator()
     >>> angle = np.array([0.0, 1.9]) * actuator.angle_per_inch
     >>> torque = jam_torque(angle, actuator, FAULTS["jam"].scaled(0.5))
