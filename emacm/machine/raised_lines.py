@@ -25,29 +25,6 @@ from emacm.machine.fault_orders import (
 Array = NDArray[np.float64]
 
 
-class Owner(NamedTuple):
-    """The predicted line of a part.
-
-    Attributes
-    ----------
-    fault : str
-        Name of its series, such as "BPFI".
-    harmonic : int
-        Multiple of the order of this name.
-    sideband : str
-        Such as "-shaft" or "+2xshaft"; empty for a harmonic.
-    """
-
-    fault: str
-    harmonic: int
-    sideband: str = ""
-
-    @property
-    def line(self) -> str:
-        """The line, such as "1x", "2x" or "1x-shaft"."""
-        return f"{self.harmonic}x{self.sideband}"
-
-
 class RaisedLine(NamedTuple):
     """A line that rose.
 
@@ -57,13 +34,16 @@ class RaisedLine(NamedTuple):
         As in the spectrum.
     rise : float
         Above the healthy recordings [dB].
-    owner : Owner, optional
-        Whose it is; None if no part has a line there.
+    fault : str
+        Name of the series of the part that has a line there, such as "BPFI"; empty if none has.
+    line : str
+        Which line of it: the multiple of its order, with the sideband, such as "2x" or "1x-shaft".
     """
 
     order: float
     rise: float
-    owner: Owner | None
+    fault: str
+    line: str
 
 
 @dataclass(frozen=True)
@@ -144,7 +124,7 @@ def rise_above_bins(spectrum: LineSpectrum, bins: pd.DataFrame) -> tuple[Array, 
         Of the recording.
     bins : DataFrame
         "low" and "high" [orders], "level" of the recording and "reference_level" of the healthy
-        state [dB], and "limit", from which on a bin is raised [dB].
+        state [dB], and "limit" of deviations in the healthy state [dB].
 
     Returns
     -------
@@ -159,12 +139,14 @@ def rise_above_bins(spectrum: LineSpectrum, bins: pd.DataFrame) -> tuple[Array, 
         at = orders[:, np.newaxis]
         return np.asarray((low <= at + reach) & (high >= at - reach))
 
-    touched = overlap(2 * step)  # half a main lobe
-    around = (touched.astype(float) @ overlap(step / 2).T > 0) @ psd
+    at_line, touched = overlap(step / 2), overlap(1.5 * step)  # beyond is 1 % of a line
+    around = (touched.astype(float) @ at_line.T > 0) @ psd
     above = _lobes(np.maximum(psd - psd / 10 ** (spectrum.heights / 10), 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
-        rise = 10 * np.log10(np.minimum(above / around, 1.0) * (touched @ own / (touched @ healthy)))
-    limit = np.where(touched, bins["limit"].to_numpy(), 0.0).max(axis=1, initial=0.0)
+        rise = 10 * np.log10(
+            np.minimum(above / around, 1.0) * (touched @ own / (touched @ healthy))
+        )
+    limit = np.where(at_line, bins["limit"].to_numpy(), np.inf).min(axis=1, initial=np.inf)
     return np.nan_to_num(rise, nan=-np.inf, neginf=-np.inf), limit
 
 
@@ -199,15 +181,15 @@ def raised_lines(
     >>> spectrum = LineSpectrum(orders, psd)
     >>> rise, limit = rise_above_spectra(spectrum, healthy)
     >>> for line in raised_lines(spectrum, rise, limit, PartLines(spectrum, Gear(18, 67))):
-    ...     print(line.owner.fault, line.owner.line, line.order, round(line.rise, 1))
+    ...     print(line.fault, line.line, line.order, round(line.rise, 1))
     pinion 2x 2.0 20.0
     """
     orders, psd = spectrum.orders, spectrum.psd
     is_peak = (psd == ndimage.maximum_filter1d(psd, 7)) & spectrum.is_high(spectrum.heights)
     places = np.flatnonzero(is_peak & (orders >= spectrum.resolution) & (rise >= limit))
-    owners = [None] * len(places) if parts is None else parts.owners(orders[places])
+    owners = [("", "")] * len(places) if parts is None else parts.owners(orders[places])
     return [
-        RaisedLine(float(orders[place]), float(rise[place]), owner)
+        RaisedLine(float(orders[place]), float(rise[place]), *owner)
         for place, owner in zip(places, owners, strict=True)
     ]
 
@@ -245,7 +227,7 @@ class PartLines:
         )
         self.shown: set[str] = set()
         self._spectrum = spectrum
-        lines: list[tuple[int, float, Owner]] = []
+        lines: list[tuple[int, float, tuple[str, str]]] = []
         if self.resolved:
             levels = spectrum.levels(self.resolved, slip)
             _, (slips,), heights = levels.measure(spectrum.psd[np.newaxis].astype(np.float64))
@@ -257,29 +239,30 @@ class PartLines:
         self._owners = [owner for _, _, owner in lines]
         self._orders = {str(number): order for number, (_, order, _) in enumerate(lines)}
 
-    def _lines_of(self, fault: FaultSeries, scale: float) -> Iterator[tuple[int, float, Owner]]:
+    def _lines_of(
+        self, fault: FaultSeries, scale: float
+    ) -> Iterator[tuple[int, float, tuple[str, str]]]:
         """Yield rank, order and name of the lines of a series with its slip."""
         spectrum = self._spectrum
         peaks = ndimage.maximum_filter1d(spectrum.heights, 3)
         # With more harmonics, the lines of a slow part would be everywhere.
         for number in range(1, 21 if fault.name in self.shown else 2):
-            carrier, owner = number * fault.orders[0] * scale, number * fault.strikes
-            yield number, carrier, Owner(fault.name, owner)
+            carrier, line = number * fault.orders[0] * scale, f"{number * fault.strikes}x"
+            yield number, carrier, (fault.name, line)
             if not spectrum.is_high(np.interp(carrier, spectrum.orders, peaks, right=0.0)):
                 continue
             for (name, spacing), n in product(fault.sidebands, (-3, -2, -1, 1, 2, 3)):
                 if spacing >= spectrum.resolution and carrier + n * spacing > 0:
                     sideband = f"{n:+d}x{name}".replace("1x", "")
-                    side = Owner(fault.name, owner, sideband)
-                    yield number + abs(n), carrier + n * spacing, side
+                    yield number + abs(n), carrier + n * spacing, (fault.name, line + sideband)
 
-    def owners(self, orders: Array) -> list[Owner | None]:
-        """Return the nearest predicted line at each order; None if there is none."""
+    def owners(self, orders: Array) -> list[tuple[str, str]]:
+        """Return series and line of the nearest predicted line at each order; empty if none."""
         if not self._orders:
-            return [None] * len(orders)
+            return [("", "")] * len(orders)
         width = 3 * self._spectrum.step
         _, nearest = lines_within(orders, orders, self._orders, slip=0.0, min_width=width)
-        return [self._owners[place] if place >= 0 else None for place in nearest]
+        return [self._owners[place] if place >= 0 else ("", "") for place in nearest]
 
 
 def lines_within(
