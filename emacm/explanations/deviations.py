@@ -104,7 +104,8 @@ def unknown_statements(table: pd.DataFrame, nearest: str) -> list[str]:
     list of str
         The most important first, at most five.
     """
-    far = table[table["outside_training"].abs() > 1.0].assign(weight=table["contribution"].abs())
+    table = table.assign(weight=table["contribution"].abs())
+    far = table[table["outside_training"].abs() > 1.0]
     stated = []
     for part in deviating_ranges(far, "outside_training"):
         peak = part.loc[part["outside_training"].abs().idxmax()]
@@ -118,8 +119,7 @@ def unknown_statements(table: pd.DataFrame, nearest: str) -> list[str]:
         stated.append((part["weight"].sum(), text))
     stated.sort(key=lambda pair: -pair[0])
     if not stated:
-        names = table["column"].iloc[np.argsort(-table["contribution"].abs())[:3]]
-        largest = ", ".join(map(repr, names))
+        largest = ", ".join(map(repr, table.nlargest(3, "weight")["column"]))
         return [f"no column is far outside the training; together they are, above all {largest}"]
     return [text for weight, text in stated[:5] if weight >= 0.03 * stated[0][0]]
 

@@ -109,15 +109,10 @@ def find_raised(
         if parts is not None:
             known[channel] = PartLines(spectrum, parts)
         lines = raised_lines(spectrum, rise, limit, known.get(channel))
-        for fault in dict.fromkeys(line.fault for line in lines):
-            component = words.get(fault, "no known part" if words else "–")
-            if fault and fault not in known[channel].shown:
-                component = f"single line at the order of {fault}"
-            cells = _cells([x for x in lines if x.fault == fault], "" if healthy else "at least ")
-            largest = max(line.rise for line in lines if line.fault == fault)
-            raised.append((fault, largest, Row(component, channel_name(channel), *cells)))
+        shown = known[channel].shown if channel in known else set()
+        raised += _line_entries(channel, lines, shown, words, "" if healthy else "at least ")
         left = left.drop(index=_explained(bins, lines, 2 * spectrum.step), errors="ignore")
-    of_faults = left["low"].isna() & left["feature"].isin(words)
+    of_faults = left["low"].isna() & left["feature"].isin(words) & (left["deviation"] > 0)
     for level in left[of_faults].itertuples():  # of FaultLines: a mean over the lines of a fault
         if level.measured not in known or level.feature in known[level.measured].shown:
             channel, size = channel_name(level.channel), decibels(level.deviation)
@@ -127,22 +122,50 @@ def find_raised(
     names = list(dict.fromkeys(fault for fault, *_ in raised if fault))
     rows += [*(row for *_, row in raised), *_other_rows(left[~of_faults])]
     resolved = {*table["feature"], *(fault.name for x in known.values() for fault in x.resolved)}
-    silent = [
-        words[fault.name]
-        for fault in series
-        if fault.name in resolved.difference(names, judged)
-        and not any(left["low"].le(k).mul(left["high"].ge(k)).any() for k in fault.orders)
-    ]
-    normal = [f"no raised lines of {listed(silent, 'or')}"] if silent else []
-    by_channel = table[table["channel"] != ""].groupby("channel", sort=False)["raised"]
-    if quiet := [channel_name(str(channel)) for channel, own in by_channel if not own.any()]:
-        normal.append(f"{listed(quiet)}: no order band and no feature deviates from {reference!r}")
+    quiet = [fault for fault in series if fault.name in resolved.difference(names, judged)]
+    normal = _normal_statements(table, left, [(words[fault.name], fault.orders) for fault in quiet])
     if missing := [word for fault, word in words.items() if fault not in resolved]:
         notes.append(f"The order spectra do not resolve the lines of {listed(missing)}.")
     if len(rows) > 8:
         notes.append(f"{len(rows) - 8} more deviations are not listed.")
     worst = str(table["channel"][table["severity"].idxmax()])
-    return Findings(rows[:8], normal, notes, worst, names)
+    return Findings(rows[:8], [f"{text} {reference!r}" for text in normal], notes, worst, names)
+
+
+def _line_entries(
+    channel: str, lines: list[RaisedLine], shown: set[str], words: dict[str, str], before: str
+) -> list[tuple[str, float, Row]]:
+    """Return fault, largest rise and row for the raised lines of each fault in a channel."""
+    entries = []
+    for fault in dict.fromkeys(line.fault for line in lines):
+        component = words.get(fault, "no known part" if words else "–")
+        if fault and fault not in shown:
+            component = f"single line at the order of {fault}"
+        own = [line for line in lines if line.fault == fault]
+        row = Row(component, channel_name(channel), *_cells(own, before))
+        entries.append((fault, max(line.rise for line in own), row))
+    return entries
+
+
+def _normal_statements(
+    table: pd.DataFrame, left: pd.DataFrame, quiet: list[tuple[str, tuple[float, ...]]]
+) -> list[str]:
+    """State which components have no raised lines, and which channels do not deviate.
+
+    A component with a line in a range of orders that deviates, and in which no line is raised, may
+    be the reason of that.
+    """
+    silent = [
+        word
+        for word, orders in quiet
+        if not any((left["low"].le(k) & left["high"].ge(k)).any() for k in orders)
+    ]
+    by_channel = table[table["channel"] != ""].groupby("channel", sort=False)["raised"]
+    usual = [channel_name(str(channel)) for channel, own in by_channel if not own.any()]
+    texts = [f"no lines of {listed(silent, 'or')} above"] if silent else []
+    return texts + (
+        [f"no order band and no feature of {listed(usual)} deviates from"] * bool(usual)
+    )
 
 
 def _without_gain(table: pd.DataFrame) -> tuple[pd.DataFrame, list[Row]]:
@@ -170,8 +193,8 @@ def _without_gain(table: pd.DataFrame) -> tuple[pd.DataFrame, list[Row]]:
 
 
 def _cells(lines: list[RaisedLine], before: str) -> tuple[str, str]:
-    """Return orders and rises of lines, the six highest ones."""
-    highest = sorted(sorted(lines, key=lambda line: -line.rise)[:6])
+    """Return orders and rises of six lines, harmonics before sidebands and the highest first."""
+    highest = sorted(sorted(lines, key=lambda x: (not x.line.endswith("x"), -x.rise))[:6])
     orders = [f"{x.order:.4g} ({x.line})".removesuffix(" ()") for x in highest]
     rises = [decibels(line.rise).removesuffix(" dB") for line in highest]
     more = f" and {len(lines) - 6} more" if len(lines) > 6 else ""

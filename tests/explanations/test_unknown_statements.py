@@ -127,6 +127,12 @@ def test_a_line_is_stated_with_its_bin_and_its_level_above_the_training_maximum(
     assert words == f"orders 9 to 10 of 'vibration' {expected:.2g} dB above the training maximum"
 
 
+def test_where_no_bin_is_outside_the_training_the_largest_contributions_are_named(model):
+    (words,) = statements(model, run(0))
+    assert words.startswith("no column is far outside the training; together they are, above all ")
+    assert words.count("@") == 3
+
+
 @pytest.mark.filterwarnings("ignore:recording [0-9]+. line at order")
 def test_deviations_are_exact_in_decibels_with_and_without_logarithm_and_scaling(model):
     recording = run(50, gain={"vibration": 2.0, "current": 2.0})
