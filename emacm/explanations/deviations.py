@@ -7,7 +7,6 @@ deviations within the classes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -43,24 +42,24 @@ def find_deviations(
 
     Returns
     -------
-    DataFrame of shape (n_columns, 7)
-        Differences from the mean of the nearest class ("deviation") and from the "least" and the
-        "largest" value of the training; "outside_training", the deviation from this range:
-        positive above, negative below, 0 within; their "unit", "dB" or "standard deviations"; and
-        "level" and "reference_level" of the class [dB]. NaN where they are not known.
+    DataFrame of shape (n_columns, 5)
+        "deviation" from the mean of the nearest class; "outside_training", that from the range of
+        the training: positive above, negative below, 0 within; their "unit", "dB" or "standard
+        deviations"; and "level" and "reference_level" of the class [dB]. NaN where they are not
+        known.
     """
     row, scales = traced.table[0], traced.scales
     by_level = np.array([_in_decibels(traced, each) for each in (mean, low, high)])
     with np.errstate(all="ignore"):
         by_spread = [(traced.positions[0] - each) / spread for each in (mean, low, high)]
-        levels = np.where(np.isinf(scales), 10 * np.log10(row), row * scales)
+        level = np.where(np.isinf(scales), 10 * np.log10(row), row * scales)
     exact = np.isfinite(by_level[0])
     deviation, least, largest = np.where(exact, by_level, by_spread)
-    table = pd.DataFrame({"deviation": deviation, "least": least, "largest": largest})
+    table = pd.DataFrame({"deviation": deviation})
     table["outside_training"] = np.where(largest > 0, largest, np.minimum(least, 0))
-    table["level"] = np.where(exact, levels, np.nan)
-    table["reference_level"] = table["level"] - deviation
-    return table.assign(unit=np.where(exact, "dB", "standard deviations"))
+    table["unit"] = np.where(exact, "dB", "standard deviations")
+    table["level"] = np.where(exact, level, np.nan)
+    return table.assign(reference_level=table["level"] - deviation)
 
 
 def _in_decibels(traced: TracedRecordings, reference: Array) -> Array:
@@ -83,43 +82,6 @@ def _in_decibels(traced: TracedRecordings, reference: Array) -> Array:
     return np.where(np.isnan(scales) | ~np.isfinite(result), np.nan, result)
 
 
-@dataclass(frozen=True)
-class StatementLimits:
-    """Limits by which sentences about a recording are chosen; assumed, and the same for all data.
-
-    Attributes
-    ----------
-    gain : float
-        Common deviation from which it is called a gain [dB].
-    covered : float
-        Fraction of the bins of a channel that a gain must explain.
-    least : float
-        Deviation outside of the training that is stated [dB, or standard deviations].
-    line : int
-        Number of adjacent bins that a line and its leakage fill.
-    peak, high_peak : float
-        Height of a line over these bins, and over those of a longer range [dB].
-    broad : float
-        Fraction of the bins of a channel that deviate in a broad band.
-    most : int
-        Number of sentences.
-    share : float
-        Fraction of the largest contribution below which a sentence is left out.
-    """
-
-    gain: float = 2.0
-    covered: float = 0.9
-    least: float = 1.0
-    line: int = 4
-    peak: float = 6.0
-    high_peak: float = 15.0
-    broad: float = 0.5
-    most: int = 5
-    share: float = 0.03
-
-
-_LIMITS = StatementLimits()
-
 PROJECTED = (
     "the features are projections of the bins, so that the bins that deviate are not determined; "
     "give training recordings as background"
@@ -140,24 +102,53 @@ def unknown_statements(table: pd.DataFrame, nearest: str) -> list[str]:
     Returns
     -------
     list of str
-        The most important first.
+        The most important first, at most five.
     """
-    is_band = (table["unit"] == "dB") & table["low"].notna()
-    bands = table[is_band].sort_values("low", kind="stable")
-    channels = {str(name): own for name, own in bands.groupby("channel", sort=False)}
-    if common := _common_gain(channels):
-        return [common]
-    stated = _of_others(table[~is_band], nearest)
-    for name, own in channels.items():
-        stated += _of_channel(name, own)
+    table = table.assign(weight=table["contribution"].abs())
+    far = table[table["outside_training"].abs() > 1.0]
+    stated = []
+    for part in deviating_ranges(far, "outside_training"):
+        peak = part.loc[part["outside_training"].abs().idxmax()]
+        size, above = peak["outside_training"], peak["outside_training"] > 0
+        limit = f"the training {'maximum' if above else 'minimum'}"
+        if peak["unit"] != "dB":
+            size, limit = peak["deviation"], repr(nearest)
+        way = "above" if above else "below"
+        up_to = "up to " if len(part) > 1 else ""
+        text = f"{_place(part)} {up_to}{abs(size):.2g} {peak['unit']} {way} {limit}"
+        stated.append((part["weight"].sum(), text))
     stated.sort(key=lambda pair: -pair[0])
-    least = _LIMITS.share * stated[0][0] if stated else 0.0
-    texts = [text for weight, text in stated[: _LIMITS.most] if weight >= least]
-    if not texts:
-        order = np.argsort(-table["contribution"].abs())[:3]
-        largest = ", ".join(map(repr, table["column"].iloc[order]))
-        texts = [f"no column is far outside the training; together they are, above all {largest}"]
-    return texts
+    if not stated:
+        largest = ", ".join(map(repr, table.nlargest(3, "weight")["column"]))
+        return [f"no column is far outside the training; together they are, above all {largest}"]
+    return [text for weight, text in stated[:5] if weight >= 0.03 * stated[0][0]]
+
+
+def deviating_ranges(table: pd.DataFrame, size: str) -> list[pd.DataFrame]:
+    """Divide deviating columns into ranges of adjacent bins, and single features.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Columns "channel", "low", "high", "unit" and `size`, of those columns that deviate.
+    size : str
+        Name of the deviation.
+
+    Returns
+    -------
+    list of DataFrame
+        Bins that deviate to the same side, without those that deviate by 6 dB less than the
+        largest: they may be leakage.
+    """
+    table = table.sort_values(["channel", "low"], kind="stable")
+    before = table.shift()
+    joined = (
+        (table["channel"] == before["channel"])
+        & (table["low"] <= before["high"] + 1e-9)
+        & (table[size] * before[size] > 0)
+    )
+    ranges = [part for _, part in table.groupby((~joined).cumsum())]
+    return [part[part[size].abs() > part[size].abs().max() - 6.0] for part in ranges]
 
 
 def second_state_statement(state: Any, second: Any, raised: pd.DataFrame | None = None) -> str:
@@ -169,7 +160,7 @@ def second_state_statement(state: Any, second: Any, raised: pd.DataFrame | None 
         The decided state, and the one whose lines are also there.
     raised : DataFrame, optional
         Columns "column", "channel", "low", "high", "deviation" and "unit" of what is raised above
-        the decided state; the most important first.
+        the decided state.
 
     Returns
     -------
@@ -183,93 +174,19 @@ def second_state_statement(state: Any, second: Any, raised: pd.DataFrame | None 
     text = f"lines that {str(state)!r} does not explain, as of {str(second)!r}"
     if raised is None or not len(raised):
         return text
-    parts = []
-    for row in raised.itertuples():
-        is_band = np.isfinite(row.low)
-        name = f"order {row.low:g} to {row.high:g} of {row.channel!r}" if is_band else row.column
-        parts.append(f"{name} {row.deviation:.2g} {row.unit} higher")
-    return f"{text}: {', '.join(parts)}"
+    listed = [
+        f"{_place(part)} {part['deviation'].max():.2g} {part['unit'].iloc[0]} higher"
+        for part in deviating_ranges(raised, "deviation")
+    ]
+    return f"{text}: {', '.join(listed)}"
 
 
-def _gain(own: pd.DataFrame) -> float | None:
-    """Return the gain [dB] without which the bins are in the range of the training; None if none.
-
-    0 if they are in this range. One bin in ten may deviate.
-    """
-    least = own["largest"].to_numpy() - _LIMITS.least
-    most = own["least"].to_numpy() + _LIMITS.least
-    candidates = np.concatenate([[0.0], least, most])
-    gains = candidates[:, np.newaxis]
-    covered = ((least <= gains) & (gains <= most)).mean(axis=1)
-    if covered[0] >= _LIMITS.covered:
-        return 0.0
-    best = covered.max()
-    return float(candidates[covered == best].mean()) if best >= _LIMITS.covered else None
-
-
-def _common_gain(channels: dict[str, pd.DataFrame]) -> str:
-    """Return a sentence if all channels have the same gain."""
-    if len(channels) < 2 or not all(map(_gain, channels.values())):
-        return ""
-    gain = _gain(pd.concat([*channels.values()]))
-    if gain is None or abs(gain) < _LIMITS.gain:
-        return ""
-    return f"all channels {_span(gain)} training: gain or unit?"
-
-
-def _of_channel(name: str, own: pd.DataFrame) -> list[tuple[float, str]]:
-    """Return the sentences about the bins of one channel, each with its contribution."""
-    outside, weight = own["outside_training"], own["contribution"].abs()
-    far, gain = outside.abs() > _LIMITS.least, _gain(own)
-    if gain is not None and abs(gain) >= _LIMITS.gain:
-        text = f"{_span(gain)} training at all orders: gain or unit?"
-    elif far.mean() > _LIMITS.broad:
-        share = f"{100 * far.mean():.0f} % of its order bins"
-        text = f"{_span(*outside[far])} the training in {share}: broad band"
-    else:
-        signs = np.sign(outside) * far
-        parts = [part for _, part in own.groupby((signs != signs.shift()).cumsum())]
-        return [
-            (weight[part.index].sum(), _of_orders(name, part))
-            for part in parts
-            if far[part.index[0]]
-        ]
-    return [(weight.sum(), f"channel {name!r} {text}")]
-
-
-def _of_orders(name: str, part: pd.DataFrame) -> str:
-    """Return a sentence about adjacent bins that are all above, or all below the training."""
-    outside = part["outside_training"]
-    above = outside.iloc[0] > 0
-    peak = outside.abs().idxmax()
-    height = _LIMITS.peak if len(part) <= _LIMITS.line else _LIMITS.high_peak
-    if (outside.drop(peak).abs() <= abs(outside[peak]) - height).all():
-        part = part.loc[[peak]]
-    orders = f"{part['low'].min():g} to {part['high'].max():g} of {name!r}"
-    limit = f"the training {'maximum' if above else 'minimum'}"
-    if len(part) > 2:
-        return f"orders {orders} {_span(*part['outside_training'])} {limit}"
-    return f"{'line at order' if above else 'order'} {orders}, {_span(outside[peak])} {limit}"
-
-
-def _of_others(table: pd.DataFrame, nearest: str) -> list[tuple[float, str]]:
-    """Return sentences about columns that are not powers in a band of orders."""
-    texts = []
-    for row in table[table["outside_training"].abs() > _LIMITS.least].itertuples():
-        size = _span(row.deviation)
-        if row.unit != "dB":
-            way = "above" if row.deviation > 0 else "below"
-            size = f"{abs(row.deviation):.3g} standard deviations {way}"
-        texts.append((abs(row.contribution), f"{row.column!r} {size} {nearest!r}"))
-    return texts
-
-
-def _span(*values: float) -> str:
-    """Return a range of deviations in words; of both signs, that of the majority."""
-    way = 1 if np.mean(np.greater(values, 0)) >= 0.5 else -1
-    sizes = [abs(value) for value in values if np.sign(value) == way]
-    low, high = f"{min(sizes):.0f}", f"{max(sizes):.0f}"
-    return f"{low if low == high else f'{low} to {high}'} dB {'above' if way > 0 else 'below'}"
+def _place(part: pd.DataFrame) -> str:
+    """Return the orders of adjacent bins in words, or the name of a feature."""
+    first = part.iloc[0]
+    if np.isnan(first["low"]):
+        return repr(first["column"])
+    return f"orders {part['low'].min():g} to {part['high'].max():g} of {first['channel']!r}"
 
 
 def class_deviations(
@@ -297,9 +214,9 @@ def class_deviations(
     DataFrame
         One row for each bin or feature: "column", "channel", "low" and "high" [orders],
         "deviation" from the mean of the class, its "unit" ("dB" for powers, exactly, and "standard
-        deviations" for other features), the same in "sigmas" (standard deviations within the
-        class), "level" of the recording and "reference_level" of the class [dB; NaN for other
-        features].
+        deviations" for other features), "level" of the recording and "reference_level" of the class
+        [dB; NaN for other features], and "limit", which no deviation of the class exceeds, on
+        either side: four standard deviations, at least 3 dB; inf where this one is less.
 
     Raises
     ------
@@ -324,10 +241,11 @@ def class_deviations(
     else:
         others = traced.trace.positions(opened.table(background)[0])
         mean, spread = others.mean(axis=0), others.std(axis=0)
-    found = find_deviations(traced, mean, spread)
-    with np.errstate(all="ignore"):
-        found["sigmas"] = (traced.positions[0] - mean) / spread
-    return traced.bins.join(found[["deviation", "unit", "sigmas", "level", "reference_level"]])
+    # Hundreds of bins are looked at: four standard deviations.
+    found = find_deviations(traced, mean, spread, low=mean - 4 * spread, high=mean + 4 * spread)
+    outside = found.pop("outside_training")
+    limit = np.maximum((found["deviation"] - outside).abs(), 3.0)
+    return traced.bins.join(found.assign(limit=limit.where(outside.abs() > 0, np.inf)))
 
 
 def _learned(

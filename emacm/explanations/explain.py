@@ -31,7 +31,8 @@ from emacm.explanations.opened_pipelines import (
     one_recording,
     with_names,
 )
-from emacm.machine.fault_orders import named_orders, slip_ranges
+from emacm.machine.fault_orders import named_orders
+from emacm.machine.raised_lines import lines_within
 
 Array = NDArray[np.float64]
 
@@ -312,18 +313,13 @@ def match_fault_orders(
             f"column {missing[0]!r}."
         )
     check_number(slip, "slip", at_least=0, below=1)
-    _, centres = named_orders(orders)
-    names, low, high = slip_ranges(orders, slip=slip, min_width=min_width)
-    bottom, top = (
-        explanation[name].to_numpy(np.float64)[:, np.newaxis] for name in ("low", "high")
-    )
-    inside = (low <= top) & (high >= bottom)
-    for row, column in enumerate(explanation["column"]):
-        if np.isnan(bottom[row, 0]):  # a named band without known edges
-            inside[row] = np.array(names) == str(column).rpartition("@")[2]
-    distance = np.where(np.isnan(bottom), 0.0, np.abs(centres - (bottom + top) / 2))
-    nearest = np.argmin(np.where(inside, distance, np.inf), axis=1)
-    hit = np.any(inside, axis=1)
+    low, high = (explanation[name].to_numpy(np.float64) for name in ("low", "high"))
+    inside, nearest = lines_within(low, high, orders, slip=slip, min_width=min_width)
+    names, centres = named_orders(orders)
+    for row in np.flatnonzero(np.isnan(low)):  # a named band without known edges
+        inside[row] = np.array(names) == str(explanation["column"].iloc[row]).rpartition("@")[2]
+        nearest[row] = inside[row].argmax()
+    hit = np.asarray(inside.any(axis=1))
     matched = explanation.assign(
         fault=np.where(hit, np.array(names, dtype=object)[nearest], "none"),
         fault_order=np.where(hit, centres[nearest], np.nan),
@@ -390,9 +386,7 @@ def _of_second_state(
     mean, spread = distances.means[own], distances.deviations
     parts = distances.raised(own)[other] * (traced.positions[0] - mean) / spread**2
     table = traced.bins.join(find_deviations(traced, mean, spread))
-    order = np.argsort(-parts, kind="stable")[:3]
-    listed = order[parts[order] > max(parts.max() / 2, 0.0)]
-    return second_state_statement(decision, second, table.iloc[listed])
+    return second_state_statement(decision, second, table[parts > max(parts.max() / 2, 0.0)])
 
 
 def _ranked(table: pd.DataFrame) -> pd.DataFrame:

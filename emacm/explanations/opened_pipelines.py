@@ -7,7 +7,6 @@ any transformer, including user-defined ones.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -35,40 +34,13 @@ from emacm.resampling.angle_recording import AngleRecording
 Array = NDArray[np.float64]
 Steps = tuple[tuple[str, Any], ...]
 
-_NUMBER = r"[0-9]+(?:\.[0-9]*)?(?:e[+-]?[0-9]+)?"
-_RANGE = re.compile(rf"({_NUMBER})(?:-({_NUMBER}))?", re.IGNORECASE)
-
-
-def columns_of(maker: Any) -> tuple[list[str], Array]:
-    """Return the names of the columns that a step makes, and what one unit of each is in dB.
-
-    Parameters
-    ----------
-    maker : transformer
-        Fitted; makes a table of recordings.
-
-    Returns
-    -------
-    names : list of str
-    scales : ndarray of shape (n_columns,)
-        dB per unit of a level (the logarithm of a power), inf for a power, NaN for anything else.
-
-    Raises
-    ------
-    ValueError
-        If columns have no names; the message states the remedy.
-    """
-    names, scales = _columns(maker, None, np.empty(0))
-    if names is None:
-        raise ValueError(
-            f"the columns of {type(maker).__name__} have no names, which an explanation needs. In "
-            f"that step, write FunctionTransformer(np.log10, feature_names_out='one-to-one')."
-        )
-    return list(map(str, names)), scales
-
 
 def _columns(step: Any, names: Any, scales: Array) -> tuple[Any, Array]:
-    """Return names and scales of the columns after a step, from those before; None: no names."""
+    """Return names and scales of the columns after a step, from those before; None: no names.
+
+    A scale is what one unit of a column is in dB, if it is a level (the logarithm of a power); inf
+    for a power, NaN for anything else.
+    """
     if isinstance(step, Pipeline):
         for _, inner in _flat_steps(step):
             names, scales = _columns(inner, names, scales)
@@ -194,7 +166,7 @@ class OpenedPipeline:
     def table(self, X: Any) -> tuple[Array, pd.DataFrame, Array]:
         """Return the table of recordings, a description of its columns, and their scales.
 
-        The scales are those of `columns_of`.
+        A scale is what one unit of a column is in dB; inf for a power, NaN for anything else.
         """
         X = X if self.router is None else self.router.inner(X)
         if not self.before:
@@ -202,23 +174,28 @@ class OpenedPipeline:
             return values, _bin_frame(names), np.full(len(names), np.nan)
         for maker in self.before:
             X = maker.transform(X)
-        names, scales = columns_of(maker)
+        names, scales = _columns(maker, None, np.empty(0))
+        if names is None:
+            raise ValueError(
+                f"the columns of {type(maker).__name__} have no names, which an explanation needs. "
+                f"In that step, write FunctionTransformer(np.log10, feature_names_out="
+                f"'one-to-one')."
+            )
         frame = _bin_frame(names)
         if isinstance(maker, BinTransformer):
             frame[["low", "high"]] = np.tile(maker.bins_, (len(frame) // len(maker.bins_), 1))
         return np.asarray(X, dtype=np.float64), frame, scales
 
     def _own_table(self, X: Any) -> tuple[Array, list[Any]]:
-        names = column_names(X)
         first = self.steps[0][1] if self.steps else self.classifier
         expected = getattr(first, "feature_names_in_", None)
-        if names is not None and expected is not None and list(names) != list(expected):
+        names: Any = column_names(X) or expected
+        if expected is not None and list(names) != list(expected):
             raise ValueError(
                 f"X must have the columns of the fit, {list(expected)}, got {list(names)}."
             )
         values = np.asarray(check_real_array(X, "X"), dtype=np.float64)
-        labels = expected if names is None else names
-        labels = [f"x{i}" for i in range(values.shape[1])] if labels is None else list(labels)
+        labels = [f"x{i}" for i in range(values.shape[1])] if names is None else list(names)
         check_finite_table(values, "recording", labels)
         return values, labels
 
@@ -234,7 +211,7 @@ class OpenedPipeline:
 class TracedRecordings:
     """Recordings as rows of the table, positions (after the element-wise steps) and features.
 
-    `bins` describes the columns of the table, and `scales` are those of `columns_of`.
+    `bins` describes the columns of the table, and `scales` are those of `OpenedPipeline.table`.
     """
 
     table: Array
@@ -253,12 +230,12 @@ def one_recording(x: Any) -> Any:
     >>> one_recording(np.array([1.0, 2.0])).shape
     (1, 2)
     """
-    if isinstance(x, Recording | AngleRecording):
-        return [x]
     if isinstance(x, pd.Series):
-        return x.to_frame().T
-    if isinstance(x, np.ndarray) and x.ndim == 1:
-        return x[np.newaxis]
+        x = x.to_frame().T
+    elif isinstance(x, np.ndarray) and x.ndim == 1:
+        x = x[np.newaxis]
+    elif isinstance(x, Recording | AngleRecording):
+        x = [x]
     if isinstance(x, str) or not hasattr(x, "__len__") or len(x) != 1:
         raise ValueError(
             f"x must be one recording, or one row of a table; got {type(x).__name__}. Select one, "
@@ -294,16 +271,14 @@ def _first_table(steps: Sequence[tuple[str, Any]], X: Any) -> int:
 
 def _bin_frame(names: Sequence[Any]) -> pd.DataFrame:
     """Parse channel and orders from the names of bins or lines; from others, the channel."""
-    rows = []
-    for name in map(str, names):
-        channel, at, label = name.rpartition("@")
-        if not at:  # channel+:feature
-            channel, colon, _ = name.partition(":")
-            channel = channel if colon else ""
-        found = _RANGE.fullmatch(label) if at else None
-        low, high = (np.nan, np.nan) if found is None else (found[1], found[2] or found[1])
-        rows.append((name, channel, float(low), float(high)))
-    return pd.DataFrame(rows, columns=["column", "channel", "low", "high"])
+    column = pd.Series(list(map(str, names)), dtype=object, name="column")
+    number = r"[0-9]+(?:\.[0-9]*)?(?:[eE][+-]?[0-9]+)?"
+    orders = column.str.extract(rf"@({number})(?:-({number}))?$").astype(np.float64)
+    channel = column.str.extract("^(.*)@|^([^:@]*):").ffill(axis=1)[1].fillna("")
+    low = orders[0]
+    return pd.DataFrame(
+        {"column": column, "channel": channel, "low": low, "high": orders[1].fillna(low)}
+    )
 
 
 def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTrace:

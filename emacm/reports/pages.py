@@ -42,7 +42,7 @@ from emacm.reports.facts import (
     recording_facts,
     when,
 )
-from emacm.reports.raised import LEAST, SIGMAS, Findings, Row, Spectra, find_raised
+from emacm.reports.findings import Findings, Row, Spectra, find_raised
 
 Source = Callable[[], Any]  # of a recording
 Further = Callable[[Any], dict[str, Any]] | None  # values of a recording for its row
@@ -346,11 +346,15 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, other: A
         parts = known[0] if known else None
     page.parts = parts
     reference = settings.healthy if settings.healthy is not None else other
+    background, healthy = settings.background, {}
     for part, X in list(parts_with_input(model, [recording], OrderPSD))[:1]:
-        power = np.asarray(part.transform(X))[0]
+        power = np.asarray(part.transform(X), dtype=np.float64)[0]
         blocks = parse_order_columns(list(part.get_feature_names_out())) or ()
         page.spectra = {block.channel: (block.orders, power[block.columns]) for block in blocks}
-    background = settings.background
+        if background is not None:
+            _, others = next(parts_with_input(model, list(background), OrderPSD))
+            powers = np.asarray(part.transform(others), dtype=np.float64)
+            healthy = {block.channel: powers[:, block.columns] for block in blocks}
     try:
         explained = explain_decision(model, recording, background=background)
         page.statements = explained.attrs.get("statements", [])
@@ -361,15 +365,21 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, other: A
     judged = lines_of_envelopes(page, parts, recording)
     if page.kind == "fault" and parts is not None:  # nothing is normal against the decision
         judged = [fault.name for fault in fault_series(parts, 1)]
-    found = find_raised(table, str(reference), parts, page.spectra, judged=judged)
+    found = find_raised(table, str(reference), parts, page.spectra, healthy, judged=judged)
     page.deviations, page.findings, page.reference = table, found, str(reference)
     page.rows = found.rows
     page.normal += found.normal
     page.notes += found.notes
+    recordings = "healthy recordings" if healthy else "training recordings"
     page.notes.append(
-        f"Deviations are from the mean of the training recordings of {str(reference)!r}; those of "
-        f"at least {LEAST:g} dB and {SIGMAS:g} standard deviations are listed."
+        f"Deviations are from the mean of the {recordings} of {str(reference)!r}; those of at "
+        f"least 3 dB and 4 standard deviations are listed."
     )
+    if page.spectra and not healthy:
+        page.notes.append(
+            "The rise of a line is at least its own power over that of the whole band of orders in "
+            "healthy recordings; with healthy recordings as background, it is measured exactly."
+        )
 
 
 def lines_of_envelopes(page: Page, parts: Any, recording: Recording) -> list[str]:

@@ -13,7 +13,6 @@ from emacm.displays.power import OrderSpectrumDisplay
 from emacm.machine.fault_orders import fault_series
 from emacm.reports.facts import channel_name
 from emacm.reports.pages import Page
-from emacm.reports.raised import HARMONICS, LEAST, SLIP, is_raised
 
 
 def drawn(page: Page) -> tuple[Any, str]:
@@ -60,10 +59,9 @@ def _bars(page: Page, most_named: int = 12) -> pd.DataFrame | None:
     if page.deviations is None or page.findings is None:
         return None
     table = page.deviations.dropna(subset="deviation")
-    table = table.assign(raised=is_raised(table))
     own = table[table["unit"] == "dB"]
     if own.empty:
-        own = table.assign(deviation=table["sigmas"], unit="standard deviations")
+        own = table
     else:
         channels, worst = own["channel"].tolist(), page.findings.channel
         own = own[own["channel"] == (worst if worst in channels else channels[0])]
@@ -92,14 +90,14 @@ def _draw_spectrum(page: Page, channel: str, ax: Any) -> None:
         unit=page.units,
         envelopes=page.envelopes,
         fault_orders=_predicted(page, float(orders[-1])),
-        slip=SLIP,
+        slip=0.02,
     )
     display.plot(ax=ax)
 
 
 def _predicted(page: Page, top: float, most: int = 12) -> pd.DataFrame:
     """Return the predicted lines that are marked: those of raised components, or first ones."""
-    series = () if page.parts is None else fault_series(page.parts, HARMONICS)
+    series = () if page.parts is None else fault_series(page.parts, 3)
     raised = page.findings.components if page.findings is not None else []
     one_part = len({fault.name.rpartition(" ")[0] for fault in series}) == 1
     rows = {}
@@ -121,12 +119,11 @@ def _draw_bars(reference: str, bars: pd.DataFrame, ax: Any) -> None:
         width = (bars["high"] - bars["low"]).to_numpy()
         step = np.median(np.diff(bars["low"])) if len(bars) > 1 else 1.0
         width = np.where(width > 0, width, step)  # spectral lines have no width
-    colours = [drawing.COLOURS[1] if raised else "0.6" for raised in bars["raised"]]
+    is_far = bars["deviation"].abs() >= bars["limit"]
+    colours = np.where(is_far, drawing.COLOURS[1], "0.6")
     look = {"color": colours, "edgecolor": "white", "linewidth": 0.3}
     ax.bar(centre, bars["deviation"], width, **look)
     ax.axhline(0, color="black", linewidth=0.6)
-    for limit in (-LEAST, LEAST) if unit == "dB" else ():
-        ax.axhline(limit, color="0.4", linewidth=0.7, linestyle=":")
     if named:
         name_bins(ax, [str(column).rpartition("__")[2] for column in bars["column"]])
     else:

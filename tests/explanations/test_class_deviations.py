@@ -79,7 +79,19 @@ def test_a_logarithm_of_the_user_gives_decibels(between):
     assert table.loc["gear@4.5-5", "deviation"] == pytest.approx(expected, abs=1e-6)
     assert set(table["unit"]) == {"dB"}
     assert table["deviation"].idxmax() == "gear@4.5-5"
-    assert table.loc["gear@4.5-5", "sigmas"] > 10
+    line = table.loc["gear@4.5-5"]
+    assert line["deviation"] > 2 * line["limit"]
+    assert line["level"] - line["reference_level"] == pytest.approx(line["deviation"])
+
+
+def test_the_limit_is_four_standard_deviations_and_at_least_3_decibels():
+    model = fitted(pipeline(FunctionTransformer(np.log)))
+    table = class_deviations(model, NEW, "healthy")
+    column = table["column"].tolist().index("gear@4.5-5")
+    spread = np.sqrt(np.diag(np.asarray(model[-1].covariances_))[column])
+    assert table.loc[column, "limit"] == pytest.approx(max(4 * 10 / np.log(10) * spread, 3.0))
+    assert table["limit"].min() >= 3
+    assert np.isinf(table["limit"][table["deviation"].abs() < 1]).all()
 
 
 def test_a_fault_that_another_fault_raises_more_is_raised():

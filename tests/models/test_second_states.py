@@ -47,7 +47,7 @@ def test_score_names_the_line_that_the_decided_fault_does_not_explain(model):
     other = "screw" if table["decision"][0] == "ring" else "ring"
     stated = table["outside_training"]
     low = int(ORDERS[other])
-    assert f"{other!r}: order {low} to {low + 1} of 'vibration'" in stated[0]
+    assert f"{other!r}: orders {low} to {low + 1} of 'vibration'" in stated[0]
     assert stated[1:].tolist() == ["", ""]
 
 
