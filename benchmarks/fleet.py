@@ -195,11 +195,11 @@ def records_of(model: Any, setting: AlarmSetting, machine: Machine) -> list[dict
     """Return the records of a machine, with the changes of its alarm."""
     X, alarms = machine.X, AlarmStates(machine.name, setting.rule)
     typicality = model.typicality(X)
-    posterior = model.truth_proba(X, model.predict_proba(X), typicality)
+    posterior = model.predict_proba(X)
     found = {"decision": model.predict(X).tolist(), "typicality": typicality.tolist()}
     found["expected_cost"] = model.risk(X).min(axis=1).tolist()
     found |= {
-        f"P({state})": posterior[:, k].tolist() for k, state in enumerate(model.truths_.tolist())
+        f"P({state})": posterior[:, k].tolist() for k, state in enumerate(model.classes_.tolist())
     }
     records = []
     for hour, values in enumerate(zip(*found.values(), strict=True)):

@@ -141,7 +141,9 @@ def _from_results(
         )
     found = with_units_and_times(read_results(options.results), layout, options.unit, options.time)
     with located(str(options.results)):
-        states = [name[2:-1] for name in found.columns if name.startswith("P(")]
+        states = [
+            name[2:-1] for name in found.columns if name.startswith("P(") and name != "P(unknown)"
+        ]
         healthy = f"P({healthy_label(states, options.state, '--state')})"
         columns = [name for name in (healthy, "typicality") if name in found.columns]
         values = found[columns].apply(pd.to_numeric, errors="coerce")

@@ -13,11 +13,7 @@ from sklearn.utils.validation import check_is_fitted, column_or_1d
 from emacm._checks import positive_weights
 from emacm._saved import SavedEstimator
 from emacm.decisions.costs import cost_table
-from emacm.decisions.pipelines import (
-    RoutingMixin,
-    final_estimator,
-    unreachable_unknown_states,
-)
+from emacm.decisions.pipelines import RoutingMixin, check_unknown_states, final_estimator
 from emacm.decisions.risks import Array, CombinedRiskMixin, pooled_log_posterior
 from emacm.decisions.truths import check_classes, check_possible, truth_priors
 
@@ -118,12 +114,7 @@ class LeastRiskClassifier(
         """
         if isinstance(self.estimator, type) or not hasattr(self.estimator, "fit"):
             raise TypeError(f"estimator must be a classifier, got {self.estimator!r}.")
-        for hidden in unreachable_unknown_states(self.estimator)[:1]:
-            raise ValueError(
-                f"{type(final_estimator(self.estimator)).__name__} loses the unknown state "
-                f"{hidden.unknown!r} of {type(hidden).__name__}. Set unknown=None, or give that "
-                f'classifier itself as estimator (temperature="groups" calibrates it).'
-            )
+        check_unknown_states(self.estimator)
         if y is None:
             raise ValueError("fit requires y to be passed, but the target y is None.")
         check_classes(y)

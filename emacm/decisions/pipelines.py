@@ -226,6 +226,16 @@ def unreachable_unknown_states(model: Any) -> list[Any]:
     return [part for part in parts_of(final) if getattr(part, "unknown", None) is not None]
 
 
+def check_unknown_states(model: Any) -> None:
+    """Raise a ValueError if an estimator hides the unknown state of a classifier inside."""
+    for hidden in unreachable_unknown_states(model)[:1]:
+        raise ValueError(
+            f"{type(final_estimator(model)).__name__} loses the unknown state {hidden.unknown!r} "
+            f"of {type(hidden).__name__}. Set unknown=None, or give that classifier itself "
+            f'(temperature="groups" calibrates it).'
+        )
+
+
 def fitted_resamplers(model: Any) -> list[OrderResampler]:
     """Return the fitted resamplers of a model."""
     parts = [part for part in parts_of(model) if isinstance(part, OrderResampler)]

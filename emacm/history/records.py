@@ -77,7 +77,12 @@ SCHEMA = {
     "title": "Record of emacm",
     "description": "What a model states of a recording, or of an interval of a stream.",
     **_table(_FIELDS),
-    "patternProperties": {r"^P\(.*\)$": _about(_NUMBER, "probability of a state")},
+    "patternProperties": {
+        r"^P\(.*\)$": _about(
+            _NUMBER,
+            "probability of a class, given that one of them is true; P(unknown): that none is",
+        )
+    },
 }
 """JSON Schema of a record; that of an alarm is `ALARM`."""
 
@@ -165,6 +170,8 @@ def _of_reading(reading: Any) -> dict[str, Any]:
     names = ("decision", "expected_cost", "typicality", "complete", "error")
     found = {name: getattr(reading, name) for name in names}
     found |= {f"P({label})": value for label, value in reading.posterior.items()}
+    if reading.unknown_proba is not None:
+        found["P(unknown)"] = reading.unknown_proba
     outside = reading.outside_training
     found["outside_training"] = "; ".join(statement.text for statement in outside)
     others = (defect.text for defect in reading.defects if defect not in outside)

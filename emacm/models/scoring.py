@@ -23,11 +23,13 @@ from emacm._statements import Statement
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import (
     before_the_last_step,
+    check_unknown_states,
+    final_estimator,
     fitted_resamplers,
     parts_of,
     search_estimator,
 )
-from emacm.decisions.risks import LeastRiskMixin, decide, risks_of
+from emacm.decisions.risks import LeastRiskMixin, risks_of
 from emacm.explanations.deviations import second_state_statement
 from emacm.explanations.explain import explain_decision
 from emacm.files.folder import FileRecording
@@ -39,6 +41,7 @@ from emacm.resampling.order_resampler import OrderResampler
 from emacm.stroke_features.transformer import StrokeFeatures
 
 Row = dict[str, Any]
+P_UNKNOWN = "P(unknown)"  # the column, whatever the label of the unknown state
 
 
 def score(model: Any, recordings: Any, *, n_jobs: int | None = None) -> pd.DataFrame:
@@ -63,10 +66,9 @@ def score(model: Any, recordings: Any, *, n_jobs: int | None = None) -> pd.DataF
         - ``decision``: decision of least expected cost,
         - ``expected_cost`` of this decision, in the unit of the costs,
         - ``typicality``, if the model has it (fitted with ``unknown`` or ``groups``),
-        - ``P(<class>)``: posterior probability of each class. If the model has an unknown state,
-          they add up to 1 less its probability: all are small beside the decision "unknown",
-          although `predict_proba`, which is conditional on the true state being one of the
-          classes, may be certain of one of them,
+        - ``P(<class>)``: posterior probability of each class, given that one of them is true, as of
+          `predict_proba`: they add up to 1, also far from all classes,
+        - ``P(unknown)``, if the model has an unknown state: its probability,
         - ``warnings``: findings of `OrderResampler.quality`,
         - ``outside_training``: properties outside the range of the training recordings, see
           `outside_training`, what deviates where the decision is the unknown state, and lines of
@@ -116,7 +118,8 @@ def check_model(model: Any) -> list[Any]:
     Raises
     ------
     TypeError, ValueError
-        If it is not a classifier with `predict_proba`, or not fitted.
+        If it is not a classifier with `predict_proba`, not fitted, or hides the unknown state of
+        a classifier inside.
     """
     if isinstance(model, type) or not hasattr(model, "fit"):
         raise TypeError(f"model must be a fitted classifier of recordings, got {model!r}.")
@@ -125,6 +128,7 @@ def check_model(model: Any) -> list[Any]:
         raise TypeError(
             f"model must be a classifier with posterior probabilities, got {type(model).__name__}."
         )
+    check_unknown_states(model)
     return list(model.classes_)
 
 
@@ -132,6 +136,8 @@ def score_columns(model: Any) -> list[str]:
     """Return the columns of the table of `score` for a fitted model."""
     first = ["recording", "decision", "expected_cost", "typicality"]
     posteriors = [f"P({c})" for c in np.asarray(model.classes_).tolist()]
+    if getattr(final_estimator(model), "unknown", None) is not None:
+        posteriors.append(P_UNKNOWN)
     return [*first, *posteriors, "warnings", "outside_training", "error"]
 
 
@@ -288,16 +294,17 @@ def _decisions(model: Any, final: Any, table: Any) -> list[Row]:
         with suppress(ValueError):  # the model has no typicality; the features are valid
             typicality = final.typicality(table)
             columns["typicality"] = typicality
-    if isinstance(final, LeastRiskMixin):
-        probabilities, known = final.truth_proba(table, probabilities, typicality), final.truths_
-        cost = final.cost_
-        columns["expected_cost"] = risks_of(probabilities, cost).min(axis=1)
-        columns["decision"] = final.decisions_[decide(probabilities, cost)]
-    else:
-        columns["decision"] = np.asarray(final.predict(table))
     of_state = dict(zip(known.tolist(), probabilities.T, strict=True))
     for label in np.asarray(model.classes_).tolist():
         columns[f"P({label})"] = of_state.get(label, np.zeros(len(probabilities)))
+    if isinstance(final, LeastRiskMixin):
+        truths = final.truth_proba(table, probabilities, typicality)
+        columns["expected_cost"] = risks_of(truths, final.cost_).min(axis=1)
+        columns["decision"] = final.decided(truths)
+        if final.unknown is not None:
+            columns[P_UNKNOWN] = truths[:, -1]
+    else:
+        columns["decision"] = np.asarray(final.predict(table))
     values = [values.tolist() for values in columns.values()]
     return [dict(zip(columns, row, strict=True)) for row in zip(*values, strict=True)]
 

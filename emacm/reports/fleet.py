@@ -86,7 +86,8 @@ def _bars(readings: Iterable[Record], healthy: Sequence[str]) -> dict[str, str]:
     for number, reading in enumerate(readings):
         word = reading["word"]
         known = [reading[f"P({name})"] for name in healthy if reading.get(f"P({name})") is not None]
-        fault = 1.0 - known[0] if known else float(word != "healthy")
+        known_state = 1.0 - (reading.get("P(unknown)") or 0.0)
+        fault = 1.0 - known[0] * known_state if known else float(word != "healthy")
         paths[word] = paths.get(word, "") + f"M{4 * number + 2} 24v-{2 + 22 * fault:.0f}"
     return paths
 

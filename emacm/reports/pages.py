@@ -23,6 +23,7 @@ from emacm.machine.fault_lines import FaultLines
 from emacm.machine.fault_orders import fault_series
 from emacm.machine.find_faults import find_faults
 from emacm.models.scoring import (
+    P_UNKNOWN,
     measured_quality,
     opened_classifier,
     outside_training,
@@ -237,16 +238,16 @@ def _add_decision(
         The most probable known state that was not decided; None if there is none.
     """
     classifier, table = opened_classifier(settings.model, [recording])
-    names, truths, own = _truths(classifier, table, page.row["decision"])
     decision, unknown = page.row["decision"], getattr(classifier, "unknown", None)
-    others = [k for k in np.argsort(-truths, kind="stable") if not own[k]]
-    probability = float(truths[own].sum())
+    states, posterior = classifier.classes_.tolist(), classifier.predict_proba(table)[0]
+    own = _stands_for(classifier, decision)
+    others = [k for k in np.argsort(-posterior, kind="stable") if not own[k]]
+    probability = float(posterior[own].sum())
     if decision == unknown:
-        page.kind, states = "unknown", classifier.classes_.tolist()
+        page.kind = "unknown"
         page.sentences.append(
-            f"The recording is unlike all states that the model knows ({listed(states)}); the "
-            f"probability of an unknown state is {percent(probability)}. What it is must be found "
-            f"out at the machine."
+            f"The recording is unlike all states that the model knows ({listed(states)}). What it "
+            f"is must be found out at the machine."
         )
     elif decision == settings.healthy or own.any():
         page.kind = "healthy" if decision == settings.healthy else "fault"
@@ -257,10 +258,11 @@ def _add_decision(
     else:
         text = f"No state is certain enough: {page.decision!r} has the lowest expected cost."
         page.sentences.append(text)
-    possible = [f"{names[k]} ({percent(truths[k])})" for k in others if truths[k] >= named]
-    if possible:
-        page.sentences.append(f"Possible too: {listed(possible[:most_named])}.")
-    if page.kind in ("healthy", "fault") and probability < max(truths[others], default=0.0):
+    likely = [k for k in others if posterior[k] >= named][:most_named]
+    if likely and decision != unknown:
+        possible = [f"{states[k]} ({percent(posterior[k])})" for k in likely]
+        page.sentences.append(f"Possible too: {listed(possible)}.")
+    if page.kind in ("healthy", "fault") and probability < max(posterior[others], default=0.0):
         text = "It was decided because the costs of the other decisions are higher."
         page.sentences.append(text)
     if getattr(classifier, "temperature", None) is None:
@@ -272,40 +274,41 @@ def _add_decision(
         (second,) = classifier.second_states(table, [decision])
         if second is not None:
             page.sentences.append(f"There are {second_state_statement(decision, second)}.")
-    known = [names[k] for k in others if names[k] not in (decision, unknown)]
-    return known[0] if known else None
+    return states[others[0]] if others else None
 
 
-def _truths(
-    classifier: Any, table: Any, decision: Any
-) -> tuple[list[Any], NDArray[np.floating], NDArray[np.bool_]]:
-    """Return the true states, their probabilities, and for which of them a decision stands."""
-    names = decisions = classifier.classes_.tolist()
-    probabilities, cost = classifier.predict_proba(table), 1 - np.eye(len(names))
-    if isinstance(classifier, LeastRiskMixin):
-        probabilities = classifier.truth_proba(table, probabilities)
-        names, decisions = classifier.truths_.tolist(), classifier.decisions_.tolist()
-        cost = classifier.cost_
-    # A decision that is cheapest for several states, as a family is, stands for all of them.
+def _stands_for(classifier: Any, decision: Any) -> NDArray[np.bool_]:
+    """Return for which classes a decision stands: its own, or all of a family."""
+    states = classifier.classes_.tolist()
+    if not isinstance(classifier, LeastRiskMixin):
+        return np.array([state == decision for state in states])
+    decisions, cost = classifier.decisions_.tolist(), classifier.cost_[:, : len(states)]
     covered = cost[decisions.index(decision)] <= cost.min(axis=0)
-    own = [
-        name == decision or (covers and name not in decisions)
-        for name, covers in zip(names, covered, strict=True)
-    ]
-    return names, probabilities[0], np.array(own)
+    return np.array(
+        [
+            state == decision or (covers and state not in decisions)
+            for state, covers in zip(states, covered, strict=True)
+        ]
+    )
 
 
 def _add_typicality(page: Page) -> None:
-    typicality = float(page.row["typicality"])
+    """State how far the recording is from its state, beside those of the training."""
+    typicality, unknown = float(page.row["typicality"]), page.row.get(P_UNKNOWN)
+    if np.isnan(typicality):
+        return
+    beside = ""
+    if unknown is not None:
+        beside = f"; the probability of an unknown state is {percent(unknown)}"
     if typicality <= 0.01:  # 1 in 100
         page.sentences.append(
-            "The recording is unusual: fewer than 1 in 100 training recordings are as far away "
-            "from the states of the model."
+            f"The recording is unusual: fewer than 1 in 100 training recordings are as far away "
+            f"from the states of the model{beside}."
         )
-    elif not np.isnan(typicality):
+    else:
         page.normal.append(
-            f"as typical as the training recordings ({percent(typicality)} of them differ from "
-            f"their state by as much or more)"
+            f"{percent(typicality)} of the training recordings are as far from their state, or "
+            f"farther{beside}"
         )
 
 

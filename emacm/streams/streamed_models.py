@@ -13,7 +13,6 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._statements import Statement
 from emacm.decisions.pipelines import search_estimator
-from emacm.decisions.risks import LeastRiskMixin
 from emacm.findings.quality import Quality
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
@@ -69,8 +68,10 @@ class Reading:
     features : ndarray of shape (n_features,), or None
         Input of the classifier. None if the interval holds no segment of Welch's method.
     posterior : dict of label to float
-        Probability of each class, and of the unknown state if the classifier has one (they add up
-        to 1); empty without features or classifier.
+        Probability of each class, given that one of them is true, as of `predict_proba`; empty
+        without features or classifier.
+    unknown_proba : float or None
+        Probability of the unknown state, if the classifier has one.
     decision : label or None
         Decision of the classifier.
     risk : dict of label to float
@@ -99,6 +100,7 @@ class Reading:
     time: float
     features: Array | None = field(default=None, repr=False)
     posterior: dict[Any, float] = field(default_factory=dict)
+    unknown_proba: float | None = None
     decision: Any = None
     risk: dict[Any, float] = field(default_factory=dict)
     typicality: float | None = None
@@ -208,10 +210,9 @@ class StreamedModel:
         final = self.classifier
         if final is None:
             return found
-        probabilities, states = final.predict_proba(table), final.classes_
-        if isinstance(final, LeastRiskMixin):
-            probabilities, states = final.truth_proba(table, probabilities), final.truths_
-        found["posterior"] = _labelled(states, probabilities[0])
+        found["posterior"] = _labelled(final.classes_, final.predict_proba(table)[0])
+        if getattr(final, "unknown", None) is not None:
+            found["unknown_proba"] = float(final.unknown_proba(table)[0])
         (found["decision"],) = np.asarray(final.predict(table)).tolist()
         if hasattr(final, "risk"):
             found["risk"] = _labelled(final.decisions_, final.risk(table)[0])

@@ -3,7 +3,6 @@
 import os
 import pickle
 import re
-import warnings
 import wave
 from functools import partial
 
@@ -73,15 +72,16 @@ def test_the_row_holds_the_results_of_the_model(model):
     table = score(model, X)
     assert list(table.columns) == [
         *("recording", "decision", "expected_cost", "typicality"),
-        *("P(healthy)", "P(worn)", "warnings", "outside_training", "error"),
+        *("P(healthy)", "P(worn)", "P(unknown)", "warnings", "outside_training", "error"),
     ]
     assert table["recording"].tolist() == list(range(24))
     assert table["decision"].tolist() == model.predict(X).tolist()
     features = model[:-1].transform(X)
     unknown = model[-1].unknown_proba(features)
     assert unknown.min() > 0
-    posterior = model.predict_proba(X) * (1 - unknown[:, np.newaxis])
+    posterior = model.predict_proba(X)
     np.testing.assert_allclose(table[["P(healthy)", "P(worn)"]], posterior, rtol=1e-9)
+    np.testing.assert_allclose(table["P(unknown)"], unknown, rtol=1e-9)
     risk = model[-1].risk(features).min(axis=1)
     np.testing.assert_allclose(table["expected_cost"], risk, rtol=1e-9)
     np.testing.assert_allclose(table["typicality"], model[-1].typicality(features), rtol=1e-9)
@@ -103,12 +103,12 @@ def test_a_router_decides_as_it_predicts():
     assert table["typicality"].isna().all()
 
 
-def test_posteriors_of_a_router_leave_its_unknown_state_its_probability():
+def test_the_unknown_state_of_a_router_stands_beside_its_classes():
     router = ConditionRouter(pipeline(unknown="new"), "load")
     router.fit(X, Y, costsensitivegaussianbayes__groups=np.arange(24) // 4)
     table = score(router, X)
-    known = table[["P(healthy)", "P(worn)"]].sum(axis=1)
-    np.testing.assert_allclose(known, 1 - router.unknown_proba(X), rtol=1e-9)
+    np.testing.assert_allclose(table[["P(healthy)", "P(worn)"]].sum(axis=1), 1, rtol=1e-9)
+    np.testing.assert_allclose(table["P(unknown)"], router.unknown_proba(X), rtol=1e-9)
 
 
 def test_what_is_outside_of_the_training_is_stated(model):
@@ -395,12 +395,8 @@ def test_an_unknown_state_is_explained_in_the_row():
     new = Recording(found, FS, velocity=found.pop("speed"), meta={"load": 10})
     table = score(model, [X[0], new])
     assert table["decision"].tolist() == ["healthy", "unknown"]
-    known = table[["P(healthy)", "P(worn)"]]
-    assert known.loc[0, "P(healthy)"] > 0.5
-    assert known.loc[1].sum() < 0.5  # that it is none of them is the more probable
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        assert model.predict_proba([new]).max() > 0.9  # if it were one of the classes
+    assert table["P(unknown)"][0] < 0.5 < table["P(unknown)"][1]
+    np.testing.assert_allclose(table[["P(healthy)", "P(worn)"]], model.predict_proba([X[0], new]))
     assert table.loc[0, "outside_training"] == ""
     assert re.search(
         r"orders 7 to 7.5 of 'vib' .* above the training maximum",

@@ -299,17 +299,16 @@ def test_a_reading_states_posterior_decision_risk_and_typicality():
     assert reading.typicality is None or 0 < reading.typicality <= 1
 
 
-def test_the_probabilities_of_a_reading_include_the_unknown_state():
+def test_a_reading_states_the_probability_of_the_unknown_state():
     recording = recorded("ramp", RATES["mixed"], "velocity")
     model = model_of(recording)
     features = np.asarray(model[:-1].transform([recording]))
     some = features + np.random.default_rng(0).normal(size=(40, features.shape[1]))
     model[-1].set_params(unknown="else").fit(some, ["new", "worn"] * 20, groups=np.arange(40))
     (reading,) = readings_of(monitor_of(model, recording), recording, [1.0])
-    assert list(reading.posterior) == ["new", "worn", "else"]
+    assert list(reading.posterior) == ["new", "worn"]
     assert sum(reading.posterior.values()) == pytest.approx(1)
-    unknown = model[-1].unknown_proba(features)[0]
-    assert reading.posterior["else"] == pytest.approx(unknown)
+    assert reading.unknown_proba == pytest.approx(model[-1].unknown_proba(features)[0])
 
 
 def test_an_interval_at_rest_gives_an_alarm_and_no_decision():
