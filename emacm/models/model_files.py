@@ -23,7 +23,7 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._checks import located
 from emacm._saved import installed_versions, values_as_lists, written_whole
 from emacm._statements import warn
-from emacm.decisions.pipelines import fitted_resamplers, parts_of
+from emacm.decisions.pipelines import check_unknown_states, fitted_resamplers, parts_of
 from emacm.decisions.truths import label_positions
 
 _TRUSTED = re.compile(
@@ -139,6 +139,7 @@ def save_model(
     if isinstance(model, type) or not isinstance(model, BaseEstimator):
         raise TypeError(f"model must be a fitted estimator, got {type(model).__name__}.")
     check_is_fitted(model)
+    check_unknown_states(model)
     file = Path(path)
     if not file.parent.is_dir():
         raise FileNotFoundError(f"there is no folder {str(file.parent)!r}.")

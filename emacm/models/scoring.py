@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 from joblib import effective_n_jobs
 from numpy.typing import NDArray
+from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
@@ -456,8 +457,8 @@ def parts_with_input(model: Any, X: Any, kinds: Any) -> Iterator[tuple[Any, Any]
     elif isinstance(model, ConditionRouter):
         yield from parts_with_input(model.models_of(X)[0], X, kinds)
     elif not isinstance(model, Pipeline):
-        for part in _members(model):
-            yield from parts_with_input(part, X, kinds)
+        for part, own in _members(model, X):
+            yield from parts_with_input(part, own, kinds)
     elif any(isinstance(part, kinds) for part in parts_of(model)):
         for _, step in model.steps:
             found = list(parts_with_input(step, X, kinds))
@@ -467,8 +468,14 @@ def parts_with_input(model: Any, X: Any, kinds: Any) -> Iterator[tuple[Any, Any]
             X = step.transform(X) if hasattr(step, "transform") else X
 
 
-def _members(model: Any) -> list[Any]:
-    """Return the fitted estimators that a model is made of."""
+def _members(model: Any, X: Any) -> Iterator[tuple[Any, Any]]:
+    """Yield the fitted estimators that a model is made of, with their input."""
+    if isinstance(model, ColumnTransformer):
+        for _, part, columns in model.transformers_:
+            if hasattr(part, "fit"):
+                yield part, X[columns] if isinstance(X, pd.DataFrame) else X[:, columns]
+        return
     parts = [step for _, step in getattr(model, "transformer_list", ())]
     parts += [*getattr(model, "estimators_", ()), getattr(model, "estimator_", None)]
-    return [part for part in parts if hasattr(part, "fit")]
+    parts += [inner.estimator for inner in getattr(model, "calibrated_classifiers_", ())]
+    yield from ((part, X) for part in parts if hasattr(part, "fit"))
