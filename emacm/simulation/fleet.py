@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -350,20 +350,11 @@ def run_to_failure_fleet(
     recordings = []
     for unit in range(first_unit, first_unit + n_units):
         history = law.draw(unit, interval, seed=seed)
-        readings = zip(history.ages.tolist(), history.severity.tolist(), strict=True)
-        for run, (age, severity) in enumerate(readings, 1):
+        whole = {"onset": history.onset, "life": history.life}
+        options: dict[str, Any] = {"unit": unit, "duration": duration, "seed": seed} | whole
+        for run, (age, severity) in enumerate(zip(history.ages, history.severity, strict=True), 1):
+            options |= {"age": float(age), "remaining_life": history.life - float(age)}
             recordings.append(
-                simulate_actuator(
-                    "inner ring",
-                    severity=severity,
-                    unit=unit,
-                    run=run,
-                    duration=duration,
-                    seed=seed,
-                    age=age,
-                    onset=history.onset,
-                    life=history.life,
-                    remaining_life=history.life - age,
-                )
+                simulate_actuator("inner ring", severity=float(severity), run=run, **options)
             )
     return recordings

@@ -8,9 +8,9 @@ their own.
 """
 
 from emacm.displays import RecordingDisplay
-from emacm.simulation import LaboratoryBench
+from emacm.simulation import simulate_fleet
 
-recording = LaboratoryBench(duration=4, fs=8000, cutoff=3000).record(condition=4)
+recordings, *_ = simulate_fleet(1, 1)
 RecordingDisplay.from_recording(
-    recording, channels=["lvdt", "current_a"], shade_strokes=True, min_speed=1.0
+    recordings[0], channels=["lvdt", "current_a"], shade_strokes=True, min_speed=1.0
 )

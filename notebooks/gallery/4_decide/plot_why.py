@@ -12,7 +12,7 @@ from sklearn.preprocessing import FunctionTransformer
 
 import emacm
 from emacm.displays import ContributionsDisplay
-from emacm.simulation import FAULT_ORDERS, simulate_fleet
+from emacm.simulation import simulate_fleet
 
 recordings, states, units = simulate_fleet(4, 2, severity=(0.3, 0.6), seed=1)
 model = make_pipeline(
@@ -30,6 +30,6 @@ healthy = [recordings[i] for i in np.flatnonzero(states == "healthy")]
 table = emacm.explain_decision(model, new, against="healthy", background=healthy)
 print(f"decided {decision!r}, true state {true_states[1]!r}")
 
-(order,) = FAULT_ORDERS["screw"]
+(order,) = new.meta["orders"]["screw"]
 predicted = {"screw": order, "2x screw": 2 * order}
 ContributionsDisplay.from_table(table, fault_orders=predicted, decision="screw against healthy")

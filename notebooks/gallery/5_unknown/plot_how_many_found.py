@@ -14,7 +14,7 @@ import emacm
 from emacm.displays import UnknownRocDisplay
 from emacm.simulation import simulate_fleet
 
-recordings, states, units = simulate_fleet(5, 2, severity=(0.2, 0.5), seed=1)
+recordings, states, units = simulate_fleet(5, 2, severity=(0.05, 0.3), seed=1)
 bins = make_pipeline(
     emacm.OrderResampler(2 * np.pi / 64, channels=["accelerometer"], min_speed=1.0),
     emacm.OrderPSD(8),

@@ -17,7 +17,7 @@ from sklearn.preprocessing import FunctionTransformer
 
 import emacm
 from emacm.displays import OrderBinsDisplay
-from emacm.simulation import FAULT_ORDERS, simulate_fleet
+from emacm.simulation import simulate_fleet
 
 training, states, units = simulate_fleet(4, 2, severity=(0.2, 0.5), seed=1)
 bins = make_pipeline(
@@ -31,7 +31,8 @@ model = make_pipeline(*[step for _, step in bins.steps], classifier).fit(trainin
 
 new = simulate_fleet(1, 1, severity=(0.4, 0.4), first_unit=8)[0][1]
 healthy = [training[i] for i in np.flatnonzero(states == "healthy")]
-predicted = {"screw": FAULT_ORDERS["screw"][0], "2x screw": 2 * FAULT_ORDERS["screw"][0]}
+(order,) = new.meta["orders"]["screw"]
+predicted = {"screw": order, "2x screw": 2 * order}
 OrderBinsDisplay.from_estimator(
     bins, [*healthy, new], labels=["healthy"] * len(healthy) + ["this one"], fault_orders=predicted
 )

@@ -16,14 +16,9 @@ from sklearn.preprocessing import FunctionTransformer
 
 import emacm
 from emacm.displays import DomainDisplay
-from emacm.simulation import LaboratoryBench
+from emacm.simulation import simulate_fleet
 
-recordings = [
-    LaboratoryBench(unit=unit, faults=faults, duration=6, fs=4000, cutoff=1500).record(condition)
-    for unit, faults in enumerate([{}, {"screw": 0.3}, {"inner ring": 0.4}, {"screw": 0.6}, {}])
-    for condition in (2, 3, 4)
-]
-states = [recording.meta["label"] for recording in recordings]
+recordings, states, units = simulate_fleet(3, 2, severity=(0.2, 0.6))
 model = make_pipeline(
     emacm.OrderResampler(2 * np.pi / 64, channels=["accelerometer"], min_speed=1.0),
     emacm.OrderPSD(8),
