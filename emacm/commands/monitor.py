@@ -236,7 +236,7 @@ class _Stream:
             state = self._saved_state()
         self._head = state["head"].splitlines(keepends=True) if state else self._peek()
         with located(options.source if file else "the standard input"):
-            self._table = text_table(_texts(self._head))
+            self._table = text_table(_decoded(self._head))
             content = self._content(self._head[self._table.start :])
             arguments = recording_arguments(content, layout)
         rates = arguments["fs"]
@@ -291,7 +291,7 @@ class _Stream:
         """
         head = list(islice(lines, 20))
         try:
-            table = text_table(_texts(head))
+            table = text_table(_decoded(head))
         except ValueError:  # the first row may be cut
             return head if len(head) == 20 else []
         if table.names[0] != "x0":  # the name where no header is found
@@ -404,7 +404,7 @@ class _Stream:
             unfinished.write_bytes(packed(state))
 
 
-def _texts(lines: list[bytes]) -> list[str]:
+def _decoded(lines: list[bytes]) -> list[str]:
     if any(b"\0" in line for line in lines):
         raise ValueError("it contains bytes 0: it is binary, or UTF-16. Write it in UTF-8.")
     try:

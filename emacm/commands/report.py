@@ -60,13 +60,13 @@ class FileReports:
         self._reports = Reports(read_settings(options.model, actions, parts), out)
         self._layout, self._unit, self._time = layout, options.unit, options.time
         self._out = out
-        self._known = options.history if options.command == "report" else options.out
+        self._results = options.history if options.command == "report" else options.out
         self._has_fleet = False
 
     def write(self, paths: Sequence[Path], history: pd.DataFrame | None) -> tuple[Path, bool]:
         """Write the pages of files; return the last one, and whether a decision is missing."""
         pages = self._pages(paths, history)
-        rows = [] if history is None or is_history(self._known) else history.to_dict("records")
+        rows = [] if history is None or is_history(self._results) else history.to_dict("records")
         rows += [{**page.row, "unit": page.unit} for page in pages]
         self._has_fleet = self._with_fleet(row.get("unit") for row in rows)
         files = self._reports.write(pages, has_fleet=self._has_fleet)
@@ -104,8 +104,8 @@ class FileReports:
         if not self._has_fleet:
             return
         records, alarms = [], []
-        if is_history(self._known):
-            history = History(self._known)
+        if is_history(self._results):
+            history = History(self._results)
             records, alarms = history.last_records(30), history.alarms(open_only=True)
             history.close()
         known = {(record["recording"], record["end"]) for record in records}
@@ -115,7 +115,7 @@ class FileReports:
 
     def _with_fleet(self, units: Iterable[Any]) -> bool:
         """Tell whether there is a page of the fleet: of a history, or if units are known."""
-        return not self._reports.is_file and (is_history(self._known) or any(units))
+        return not self._reports.is_file and (is_history(self._results) or any(units))
 
     def _pages(self, paths: Sequence[Path], history: pd.DataFrame | None) -> list[Page]:
         layout, unit = self._layout, self._unit

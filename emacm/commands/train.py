@@ -69,20 +69,20 @@ def run(options: argparse.Namespace) -> int:
     print(f"{len(labels)} recordings, {len(set(groups))} groups ({options.groups})")
     print(pd.Series(labels).value_counts().sort_index().to_string())
     with parallel_config(n_jobs=options.jobs):
-        found = evaluate(model, X, labels, units=groups, healthy=healthy)
-    for caveat in found.caveats:
+        evaluation = evaluate(model, X, labels, units=groups, healthy=healthy)
+    for caveat in evaluation.caveats:
         print(f"- {caveat}")
     model.fit(X, labels, **groups_options(model, groups))
-    _print_rates(final_estimator(model), found)
+    _print_rates(final_estimator(model), evaluation)
     keys = (options.labels, options.groups)
     stated = {"keys": keys, "intended_use": options.intended_use, "limits": options.limits}
     if options.like is None:
-        _print_channels(model, X, labels, groups, healthy, found)
+        _print_channels(model, X, labels, groups, healthy, evaluation)
         stated |= {"recordings": X, "model": model}
     else:
         print("- The range of the training and its spectral lines are those of the first training.")
         model = Pipeline([*old.steps[:-1], (old.steps[-1][0], model)])
-    evidence = training_evidence(found, labels, groups, **stated)
+    evidence = training_evidence(evaluation, labels, groups, **stated)
     save_model(model, options.out, note=options.note, healthy=healthy, evidence=evidence)
     print(f"Model: {options.out}")
     return 0
@@ -108,7 +108,7 @@ def _stored_features(model: Pipeline, options: argparse.Namespace) -> tuple[list
     return names, features
 
 
-def _print_rates(classifier: Any, found: Evaluation) -> None:
+def _print_rates(classifier: Any, evaluation: Evaluation) -> None:
     """Print costs and priors in force, the rates with their yardsticks, and the confusions."""
     costs = pd.DataFrame(classifier.cost_, classifier.decisions_, classifier.truths_)
     print("\nCosts (rows: decisions, columns: true states), and priors of the states:")
@@ -116,14 +116,14 @@ def _print_rates(classifier: Any, found: Evaluation) -> None:
     priors = zip(classifier.classes_, classifier.priors_, strict=True)
     print(", ".join(f"{state}: {prior:.3g}" for state, prior in priors))
     print("\nRecordings held out:")
-    print(as_texts(found.table).filter(regex=" rate|realised cost").to_string())
+    print(as_texts(evaluation.table).filter(regex=" rate|realised cost").to_string())
     print("Cost of the same decision for every recording:")
-    constant = found.constant_costs["realised_cost"]
+    constant = evaluation.constant_costs["realised_cost"]
     print(constant.round(3).to_string())
-    if found.table.loc["by unit", "realised_cost"] >= constant.iloc[0]:
+    if evaluation.table.loc["by unit", "realised_cost"] >= constant.iloc[0]:
         print(f"- On new units the model is no better than {constant.index[0]}.")
     print("Whole units held out, decisions (rows) and true states (columns):")
-    print(found.confusions["by unit"].to_string())
+    print(evaluation.confusions["by unit"].to_string())
 
 
 def _print_channels(
@@ -132,7 +132,7 @@ def _print_channels(
     labels: Sequence[Any],
     groups: Sequence[Any],
     healthy: Any,
-    found: Evaluation,
+    evaluation: Evaluation,
 ) -> None:
     """Print what the decisions on whole units cost without each channel, and warn if less."""
     channels = recordings[0].channels
@@ -143,7 +143,7 @@ def _print_channels(
     longest_first = "|".join(map(re.escape, sorted(channels, key=len, reverse=True)))
     of_channel = re.compile(rf"(?:^|\*)({longest_first})(?!\w)")
     channels_of = [of_channel.findall(name) for name in model[:-1].get_feature_names_out()]
-    evaluations = {"all channels": found}
+    evaluations = {"all channels": evaluation}
     for channel in channels:
         kept = [channel not in own for own in channels_of]
         with warnings.catch_warnings():

@@ -79,7 +79,7 @@ def _most_urgent(table: pd.DataFrame) -> pd.DataFrame:
 
 def _meanings(latest: pd.DataFrame, n_groups: Mapping[str, int]) -> list[str]:
     """Say what the limits mean: of each baseline, how often a healthy recording exceeds them."""
-    found = []
+    sentences = []
     for (baseline, limit, rate), _ in latest.groupby(["baseline", "limit", "false_alarm"]):
         text = f"Limit {limit:.2f} ({baseline}): {rate:.1%} of healthy recordings exceed it"
         needed = groups_needed(1 - rate)
@@ -88,8 +88,8 @@ def _meanings(latest: pd.DataFrame, n_groups: Mapping[str, int]) -> list[str]:
                 f", if the logarithm of the index is normal: {n_groups[baseline]} healthy groups "
                 f"cannot show this rate, {needed} are needed"
             )
-        found.append(f"{text}.")
-    return found
+        sentences.append(f"{text}.")
+    return sentences
 
 
 def _from_files(options: argparse.Namespace, layout: Layout) -> tuple[pd.DataFrame, dict[str, int]]:

@@ -102,13 +102,13 @@ class ContributionsDisplay(OrderDisplay):
         limits = (low - margin, high + margin) if margin else (-1, 1)
         for panel, block in zip(axes, self.blocks, strict=True):
             values = self.contributions[block.columns]
-            for colour, hatch, word, chosen in (
+            for colour, hatch, word, shown in (
                 (drawing.COLOURS[2], "", "for", values >= 0),
                 (drawing.COLOURS[4], "////", "against", values < 0),
             ):
-                low, high = bars.bin_places(block)[chosen].T
+                low, high = bars.bin_places(block)[shown].T
                 style = {"color": drawing.tint(colour, 0.6), "edgecolor": "black", "hatch": hatch}
-                panel.bar(low, values[chosen], high - low, align="edge", linewidth=0.5, **style)
+                panel.bar(low, values[shown], high - low, align="edge", linewidth=0.5, **style)
                 anywhere = np.any((self.contributions < 0) == (word == "against"))
                 if panel is axes[0] and anywhere:
                     label = drawing.wrapped(f"evidence {word} {self.decision}")

@@ -26,9 +26,6 @@ ORDER_LABEL = "order [cycles per revolution]"
 MISSING = "0.85"  # grey hatch: not measured, or removed by a filter
 LETTER = 0.58 * SMALL  # points; mean width of a letter
 
-_WRAP = 34  # letters of a line in a legend
-_HANDLE = 42  # points; line sample of a legend entry, with its margins
-
 
 def state_numbers(labels: Iterable[Any], healthy: Any) -> dict[str, int]:
     """Return the number of each state for `colour_of`: healthy is 0 and first, then 1, 2, ...
@@ -80,7 +77,7 @@ def tint(colour: str, share: float) -> str:
 
 def wrapped(label: Any) -> str:
     """Break a long label into lines."""
-    return fill(str(label), _WRAP, break_on_hyphens=False)
+    return fill(str(label), 34, break_on_hyphens=False)
 
 
 def panel_axes(
@@ -194,7 +191,8 @@ def legend_above(ax: Any, gap: float = 0.0, **options: Any) -> None:
     look = {"fontsize": SMALL, "title_fontsize": SMALL, "handlelength": 3, "frameon": False}
     spaces = {"labelspacing": 0.35, "columnspacing": 1.2, "borderpad": 0.2, "borderaxespad": 0.3}
     longest = max(len(line) for label in options["labels"] for line in label.split("\n"))
-    columns = int(max(1, _extent(ax, "width") // (_HANDLE + LETTER * longest)))
+    # The line sample of an entry takes 42 points, with its margins.
+    columns = int(max(1, _extent(ax, "width") // (42 + LETTER * longest)))
     ax.legend(ncols=columns, alignment="left", **place, **look, **spaces, **options)
 
 

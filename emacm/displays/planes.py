@@ -36,8 +36,8 @@ class PlaneDisplay(Display):
         self.points = drawn_values.check_values(self.points, "points", (None, 2))
         self.labels = np.asarray(self.labels)
         check_consistent_length(self.points, self.labels)
-        self._known = [str(state) for state in states]
-        found = [*self._known, *np.unique(self.labels)]
+        self._trained_states = [str(state) for state in states]
+        found = [*self._trained_states, *np.unique(self.labels)]
         self._numbers = drawing.state_numbers(found, self.healthy)
 
     def _draw_points(self, ax: Any) -> dict[str, Any]:
@@ -46,7 +46,7 @@ class PlaneDisplay(Display):
         markers = {}
         for name, number in self._numbers.items():
             if name in truths:
-                colour = drawing.colour_of(number) if name in self._known else "0.3"
+                colour = drawing.colour_of(number) if name in self._trained_states else "0.3"
                 look = {"color": colour, "edgecolor": "white", "linewidth": 0.4, "zorder": 2}
                 look["marker"] = drawing.style_of(drawing.MARKERS, number)
                 markers[name] = ax.scatter(*self.points[truths == name].T, s=20, **look)

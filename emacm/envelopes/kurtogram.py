@@ -117,9 +117,9 @@ def kurtogram(signal: ArrayLike | Series, fs: float) -> Kurtogram:
         )
     # Bands of width fs / n, at multiples of half of it from one.
     taps = {n: scipy.signal.firwin(n_taps * n, 0.5, fs=n) for n in halves}
-    found = [_kurtosis(values, taps[n], n // 2, 2 * n, slice(2, -2)) for n in halves]
-    centres = tuple(fs / n * (np.arange(len(found[k])) / 2 + 1) for k, n in enumerate(halves))
-    return Kurtogram(tuple(fs / n for n in halves), centres, tuple(found))
+    kurtosis = [_kurtosis(values, taps[n], n // 2, 2 * n, slice(2, -2)) for n in halves]
+    centres = tuple(fs / n * (np.arange(len(kurtosis[k])) / 2 + 1) for k, n in enumerate(halves))
+    return Kurtogram(tuple(fs / n for n in halves), centres, tuple(kurtosis))
 
 
 def spectral_kurtosis(

@@ -324,12 +324,12 @@ class CepstralPrewhitening(  # type: ignore[call-arg]
         return self._whitened(as_recordings(X, "CepstralPrewhitening"))
 
     def _whitened(self, recordings: list[Recording]) -> list[Recording]:
-        found = []
+        changed = []
         for index, recording in enumerate(recordings):
             with located(partial(described, recording, index)):
                 check_channel_names(recording.channels, self.whitened_)
-                found.append(recording._derived(_whitened_content, self.whitened_))
-        return found
+                changed.append(recording._derived(_whitened_content, self.whitened_))
+        return changed
 
 
 def _whitened_content(measured: Recording, names: tuple[str, ...]) -> dict[str, Any]:

@@ -115,16 +115,16 @@ def compare(
                accuracy
     vibration       0.1
     """
-    named = _named(evaluations)
-    chosen = _scheme(named, scheme)
+    named = _by_name(evaluations)
+    compared = _common_scheme(named, scheme)
     first = next(iter(named))
     base, caveats = named[first], []
     rows: dict[str, dict[str, float]] = {name: {} for name in named if name != first}
     for name in rows:
-        if reason := _unpaired(base, named[name], chosen):
+        if reason := _unpaired(base, named[name], compared):
             caveats.append(f"No differences between {name!r} and {first!r}: {reason}")
             continue
-        rows[name] = _differences(base, named[name], chosen)
+        rows[name] = _differences(base, named[name], compared)
         if reason := _unequal_costs(base.scoring, named[name].scoring):
             caveats.append(f"No differences of costs between {name!r} and {first!r}: {reason}")
             rows[name] = {key: value for key, value in rows[name].items() if "_cost" not in key}
@@ -133,19 +133,19 @@ def compare(
             f"The intervals of {len(rows)} evaluations hold one at a time; among many, some "
             f"exclude 0 by chance."
         )
-    table = pd.DataFrame([each.table.loc[chosen] for each in named.values()], [*named])
+    table = pd.DataFrame([each.table.loc[compared] for each in named.values()], [*named])
     differences = pd.DataFrame([*rows.values()], index=[*rows])
     return Comparison(
         table=table.infer_objects(),
         differences=differences[[name for name in base.table if name in differences]],
         caveats=caveats,
-        scheme=chosen,
+        scheme=compared,
         reference=first,
         bootstrap=base.bootstrap,
     )
 
 
-def _named(evaluations: Any) -> dict[str, Evaluation]:
+def _by_name(evaluations: Any) -> dict[str, Evaluation]:
     if isinstance(evaluations, Sequence):
         evaluations = {str(number): each for number, each in enumerate(evaluations, 1)}
     listed = evaluations.values() if isinstance(evaluations, Mapping) else [None]
@@ -159,7 +159,7 @@ def _named(evaluations: Any) -> dict[str, Evaluation]:
     return {str(name): each for name, each in evaluations.items()}
 
 
-def _scheme(named: Mapping[str, Evaluation], scheme: str | None) -> str:
+def _common_scheme(named: Mapping[str, Evaluation], scheme: str | None) -> str:
     scored = {name: list(each.confusions) for name, each in named.items()}
     first, *others = scored.values()
     common = [name for name in first if all(name in names for names in others)]

@@ -32,7 +32,7 @@ def tallies(judged: pd.DataFrame, rule: ScoringRule) -> dict[str, Tally]:
     """
     truths = codes_of(judged["true_label"], rule.labels)
     one_cell = np.zeros(len(judged), np.intp)
-    found = {
+    figures = {
         "balanced_accuracy": Tally(judged["correct"], truths),
         "accuracy": Tally(judged["correct"], one_cell),
     }
@@ -40,18 +40,18 @@ def tallies(judged: pd.DataFrame, rule: ScoringRule) -> dict[str, Tally]:
         is_faulty = (judged["true_label"] != rule.healthy).to_numpy(int)
         called_healthy = judged["decided_label"].isin(rule.cleared)
         called_faulty = judged["decided_label"].isin(rule.alarms) & ~called_healthy
-        found["false_alarm_rate"] = Tally(called_faulty, -is_faulty)
-        found["inspection_rate"] = Tally(~(called_healthy | called_faulty), -is_faulty)
-        found["missed_detection_rate"] = Tally(called_healthy, is_faulty - 1)
-    found["expected_cost"] = Tally(judged["cost"], one_cell)
+        figures["false_alarm_rate"] = Tally(called_faulty, -is_faulty)
+        figures["inspection_rate"] = Tally(~(called_healthy | called_faulty), -is_faulty)
+        figures["missed_detection_rate"] = Tally(called_healthy, is_faulty - 1)
+    figures["expected_cost"] = Tally(judged["cost"], one_cell)
     if "predicted_cost" in judged:
         probabilities = judged[probability_columns(rule)].to_numpy(float)
         confidence, called, bins = most_probable(probabilities, truths)
-        found["realised_cost"] = _in_service(judged["cost"], judged["truth"], rule)
-        found["predicted_cost"] = _in_service(judged["predicted_cost"], judged["truth"], rule)
-        found["log_loss"] = Tally(log_losses(probabilities, truths), one_cell)
-        found["calibration_error"] = Tally(confidence - called, bins, gap_of_cells)
-    return found
+        figures["realised_cost"] = _in_service(judged["cost"], judged["truth"], rule)
+        figures["predicted_cost"] = _in_service(judged["predicted_cost"], judged["truth"], rule)
+        figures["log_loss"] = Tally(log_losses(probabilities, truths), one_cell)
+        figures["calibration_error"] = Tally(confidence - called, bins, gap_of_cells)
+    return figures
 
 
 def probability_columns(rule: ScoringRule) -> list[str]:

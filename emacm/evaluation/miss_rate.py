@@ -160,7 +160,7 @@ def miss_rate_limit(
     rule = replace(rule, unknown=unknown[0] if unknown else None)
 
     is_faulty = np.array([rule.family_of[state] != rule.healthy for state in states])
-    weight, n_units, allowed = _test(units.labels, is_faulty, rate, confidence)
+    weight, n_units, allowed = _unit_weights(units.labels, is_faulty, rate, confidence)
     scaled = _missed_costs(cost, rule)
     critical = _critical_factors(posterior[is_faulty], cost.to_numpy(), scaled)
     factor = _least_factor(critical, weight[is_faulty], allowed)
@@ -173,8 +173,8 @@ def miss_rate_limit(
     limit = cost + (factor - 1) * scaled
     rows = {}
     for name, table in (("given cost", cost), ("limit", limit)):
-        chosen = [decisions[row] for row in decide(posterior, table.to_numpy())]
-        judged = rule.judge(states, chosen)
+        decided = [decisions[row] for row in decide(posterior, table.to_numpy())]
+        judged = rule.judge(states, decided)
         rates = {key: tally for key, tally in tallies(judged, rule).items() if "rate" in key}
         rows[name] = bootstrap.figures(rates, units.labels)
         rows[name]["missed_by_unit"] = weight @ judged["decided_label"].isin(rule.cleared)
@@ -197,7 +197,7 @@ def _posteriors(model: Any, X: Any) -> tuple[Any, Array]:
     return final, posterior
 
 
-def _test(
+def _unit_weights(
     units: NDArray[Any], is_faulty: NDArray[np.bool_], rate: float, confidence: float
 ) -> tuple[Array, int, float]:
     """Return the weight of each recording, the number of units, and the fraction allowed.

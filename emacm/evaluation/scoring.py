@@ -98,8 +98,8 @@ class ScoringRule:
         known = {*self.labels, *self.classes, self.unknown}
         frequent, cheapest = self.family_of[share.idxmax()], table["realised_cost"].idxmin()
         named = {self.healthy, frequent, cheapest, *(d for d in table.index if d not in known)}
-        chosen = table[[decision in named for decision in table.index]]
-        ordered = chosen.sort_values("realised_cost", kind="stable")
+        yardsticks = table[[decision in named for decision in table.index]]
+        ordered = yardsticks.sort_values("realised_cost", kind="stable")
         return ordered.rename(index=lambda decision: f"always {decision!r}").rename_axis("decision")
 
     def judge(self, truths: Sequence[Any], decisions: Sequence[Any]) -> pd.DataFrame:
@@ -215,10 +215,10 @@ def scoring_rule(
     known = table.drop(index=[unknown], columns=[unknown], errors="ignore")
     correct = correct_decisions(known.index.tolist(), names, known)
     # A class without costs has those of its family.
-    further = {name: label_of(name, correct) for name in correct if name not in table.index}
-    further = {name: label for name, label in further.items() if label in table.index}
-    if further:
-        table = pd.concat([table, table.loc[[*further.values()]].set_axis([*further])])
+    of_families = {name: label_of(name, correct) for name in correct if name not in table.index}
+    of_families = {name: label for name, label in of_families.items() if label in table.index}
+    if of_families:
+        table = pd.concat([table, table.loc[[*of_families.values()]].set_axis([*of_families])])
     if priors is not None:
         known_priors, _ = truth_priors(priors, classes, np.ones(len(classes)), unknown)
         priors = dict(zip(names, known_priors.tolist(), strict=True))

@@ -264,16 +264,16 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
         '# "FILL IN": the file does not state it. Correct the line, and remove its first #.',
     ]
     if contents.times is not None:
-        lines.append(f"# time: the column {_text(contents.times)}, found by its name")
+        lines.append(f"# time: the column {_as_toml(contents.times)}, found by its name")
     if contents.rates:
         lines.append(f"# fs: {_rates(contents)} Hz, found in the file")
     if missing := contents.missing_rates:
-        by_name = ", ".join(f"{_text(name)} = {rate:.9g}" for name, rate in missing.items())
+        by_name = ", ".join(f"{_as_toml(name)} = {rate:.9g}" for name, rate in missing.items())
         is_one = not contents.rates and len(set(missing.values())) == 1
         rates = f"{max(missing.values()):.9g}" if is_one else f"{{{by_name}}}"
         lines.append(f"# fs = {rates}  # FILL IN: sampling rate [Hz]")
-    lines.append(f"channels = [{', '.join(map(_text, contents.channels))}]")
-    lines += [f"# {_text(name)} is not used: {why}" for name, why in contents.unused.items()]
+    lines.append(f"channels = [{', '.join(map(_as_toml, contents.channels))}]")
+    lines += [f"# {_as_toml(name)} is not used: {why}" for name, why in contents.unused.items()]
     if contents.shaft is None:
         lines.append(
             '# velocity = "1797 rpm"  # FILL IN: a constant speed, or a column, or one of a file'
@@ -281,16 +281,18 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
         lines.append('# beside it: velocity = {file = "{stem}_speed.csv", column = "rpm"}')
     elif contents.n_pulses:
         reason = f"{contents.n_pulses} pulses are in this column"
-        column = f"{{column = {_text(contents.shaft)}, pulses_per_rev = 1}}"
+        column = f"{{column = {_as_toml(contents.shaft)}, pulses_per_rev = 1}}"
         lines.append(f"# tacho = {column}  # FILL IN: {reason}")
     else:
-        lines.append(f"{contents.kind} = {_text(contents.shaft)}")
+        lines.append(f"{contents.kind} = {_as_toml(contents.shaft)}")
     fields = "_".join(f"{{field{n}}}" for n in range(1, path.stem.count("_") + 2))
     if meta is None:
-        lines.append(f"# meta = {_text(fields)}  # FILL IN: what the parts of the file names mean")
+        lines.append(
+            f"# meta = {_as_toml(fields)}  # FILL IN: what the parts of the file names mean"
+        )
     else:
         meta_from_name(path, meta)
-        lines.append(f"meta = {_text(meta)}")
+        lines.append(f"meta = {_as_toml(meta)}")
     return "\n".join([*lines, "", "[units]", *_units(contents)]) + "\n"
 
 
@@ -299,18 +301,18 @@ def _units(contents: FileContents) -> Iterator[str]:
     stated, shaft = contents.columns.units, contents.shaft
     if shaft is not None and contents.shaft_unit:
         source = "" if stated.get(shaft) == contents.shaft_unit else "  # from its name"
-        yield f"{_text(shaft)} = {_text(contents.shaft_unit)}{source}"
+        yield f"{_as_toml(shaft)} = {_as_toml(contents.shaft_unit)}{source}"
     elif shaft is not None and contents.kind != "tacho":
         usual = "rpm" if contents.kind == "velocity" else "rad"
-        yield f"# {_text(shaft)} = {_text(usual)}  # FILL IN: its unit"
+        yield f"# {_as_toml(shaft)} = {_as_toml(usual)}  # FILL IN: its unit"
     for name in contents.channels:
         if stated.get(name):
-            yield f"{_text(name)} = {_text(stated[name])}"
+            yield f"{_as_toml(name)} = {_as_toml(stated[name])}"
         else:
-            yield f'# {_text(name)} = "g"  # FILL IN: its unit, for labels of figures'
+            yield f'# {_as_toml(name)} = "g"  # FILL IN: its unit, for labels of figures'
 
 
-def _text(value: str) -> str:
+def _as_toml(value: str) -> str:
     """Return a text as TOML."""
     return json.dumps(value, ensure_ascii=False)
 

@@ -174,7 +174,10 @@ def recording_arguments(
     channels = _channel_columns(content, layout, times, shaft)
     rates = rates_of_columns(content, layout, times)
     _check_starts(content, [*channels.values(), *filter(None, [shaft])], rates)
-    fs = {name: _rate(content, layout, rates, column, name) for name, column in channels.items()}
+    fs = {
+        name: _column_rate(content, layout, rates, column, name)
+        for name, column in channels.items()
+    }
     columns = content.columns
     signals = {name: check_signal(columns[c], f"channel {name!r}") for name, c in channels.items()}
     units = {
@@ -422,7 +425,7 @@ def _is_rate(name: str) -> bool:
     return re.sub("[^a-z]", "", name.lower()) in _RATES
 
 
-def _rate(
+def _column_rate(
     content: FileColumns,
     layout: Layout,
     rates: Mapping[str, float],
@@ -488,7 +491,7 @@ def _shaft(
     if values is None:
         values = check_signal(content.columns[column], f"the shaft column {column!r}")
         default = fs if len(values) in n_times else None
-        rate = _rate(content, layout, rates, column, column, default)
+        rate = _column_rate(content, layout, rates, column, column, default)
     if layout.tacho is not None:
         options = dict(layout.tacho) if isinstance(layout.tacho, Mapping) else {}
         options.pop("column", None)

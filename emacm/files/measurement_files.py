@@ -231,7 +231,7 @@ def read_tdms(path: Path, content: FileColumns) -> None:
             add_array(content, name, channel[:])
             properties = channel.properties
             if name in content.columns and properties.get("wf_increment"):
-                content.rates[name] = _rate(float(properties["wf_increment"]), digits=15)
+                content.rates[name] = _roundest_rate(float(properties["wf_increment"]), digits=15)
             if unit := properties.get("unit_string") or properties.get("NI_UnitDescription"):
                 content.units[name] = str(unit)
             later = pd.Timestamp(start) - content.start if start else pd.Timedelta(0)
@@ -275,7 +275,7 @@ def read_uff(path: Path, content: FileColumns) -> None:
         step = float(one.get("abscissa_inc") or 0)
         times = np.asarray(one.get("x", ()), float)
         if one.get("abscissa_spacing") == 1 and step > 0:
-            content.rates[name] = _rate(step, digits=6)
+            content.rates[name] = _roundest_rate(step, digits=6)
         elif len(times) > 1:
             content.rates[name] = rate_of_times(times - times[0], f"abscissa of {name}")
         unit = str(one.get("ordinate_axis_units_lab", "")).strip()
@@ -304,12 +304,12 @@ def read_mdf(path: Path, content: FileColumns) -> None:
                 content.units[name] = str(signal.unit)
 
 
-def _rate(step: float, *, digits: int) -> float:
+def _roundest_rate(step: float, *, digits: int) -> float:
     """Return the roundest rate [Hz] with this time between samples [s], stored with some digits.
 
     Examples
     --------
-    >>> _rate(8.33333e-05, digits=6), _rate(1 / 48_828.125, digits=15)
+    >>> _roundest_rate(8.33333e-05, digits=6), _roundest_rate(1 / 48_828.125, digits=15)
     (12000.0, 48828.125)
     """
     for n_digits in range(2, digits):
@@ -324,18 +324,18 @@ def _add_attributes(
 ) -> None:
     """Add what attributes state on rates and units of a column, or of a group of columns."""
     for key in [key for key in _RATE_KEYS if key in attributes][:1]:
-        rate = float(np.asarray(_text(attributes[key]), np.float64).item())
+        rate = float(np.asarray(_decoded(attributes[key]), np.float64).item())
         if own:
             content.rates[place] = rate
         else:
             content.numbers[f"{place}{'fs' if key == 'rate' else key}"] = rate
     for key in [key for key in _UNIT_KEYS if key in attributes]:
-        units = _text(attributes[key])
+        units = _decoded(attributes[key])
         if isinstance(units, str) and units.startswith("{"):
             units = json.loads(units)
         pairs = units.items() if isinstance(units, Mapping) else [("", units)]
         content.units |= {f"{place}{name}": str(unit) for name, unit in pairs}
 
 
-def _text(value: Any) -> Any:
+def _decoded(value: Any) -> Any:
     return value.decode() if isinstance(value, bytes) else value

@@ -350,14 +350,14 @@ class LifeModels:
     def cdf(self, unit: History, remaining: Array) -> Array:
         """Return the probability of remaining lives, (n_readings, n_levels), of each reading."""
         first = unit.onset
-        found = np.empty(remaining.shape)
+        probabilities = np.empty(remaining.shape)
         no_columns, ages = unit.columns[:first, np.newaxis, :0], unit.ages[:first, np.newaxis]
-        found[:first] = self.population.cdf(remaining[:first], no_columns, ages)
+        probabilities[:first] = self.population.cdf(remaining[:first], no_columns, ages)
         if self.damage is not None:
             wiener = isinstance(self.damage, WienerProcess)
             table = unit.states if wiener else unit.columns[first:]
-            found[first:] = self.damage.cdf(remaining[first:], table[:, np.newaxis, :])
-        return found
+            probabilities[first:] = self.damage.cdf(remaining[first:], table[:, np.newaxis, :])
+        return probabilities
 
     def quantiles(self, unit: History, levels: Array) -> Array:
         """Return the remaining lives with these probabilities, (n_readings, n_levels)."""

@@ -432,7 +432,7 @@ class RemainingLife(RegressorMixin, SavedEstimator):
             )
 
     def _quantiles(self, units: list[History], levels: Array) -> Array:
-        found = np.empty(levels.shape)
+        quantiles = np.empty(levels.shape)
         for unit in units:
-            found[unit.rows] = self.models_.quantiles(unit, levels[unit.rows])
-        return found
+            quantiles[unit.rows] = self.models_.quantiles(unit, levels[unit.rows])
+        return quantiles

@@ -261,27 +261,27 @@ def vibration_indicators(
 
     >>> tone = 3 * np.sin(2 * np.pi * 25 * np.arange(8000) / 4000)
     >>> recording = Recording({"b": tone}, 4000, velocity=157.0, units={"b": "m/s2"})
-    >>> found = vibration_indicators(recording, "class I")
-    >>> found.pop("b:zone"), list(found)
+    >>> indicators = vibration_indicators(recording, "class I")
+    >>> indicators.pop("b:zone"), list(indicators)
     ('D', ['b:rms', 'b:crest_factor', 'b:kurtosis', 'b:velocity [mm/s]'])
-    >>> [round(value, 2) for value in found.values()]
+    >>> [round(value, 2) for value in indicators.values()]
     [2.12, 1.41, 1.5, 13.51]
     """
     if machine_class is not None:
         check_choice(machine_class, "machine_class", tuple(_CLASSES))
-    found: dict[str, Any] = {}
+    indicators: dict[str, Any] = {}
     for channel in recording.channels:
         for name in ("rms", "crest_factor", "kurtosis"):
             options: Any = {"channels": [channel], "by_direction": False, "min_speed": min_speed}
             with suppress(ValueError):
                 value = RecordingStatistics((name,), **options).fit_transform([recording])
-                found[f"{channel}:{name}"] = float(np.asarray(value)[0, 0])
+                indicators[f"{channel}:{name}"] = float(np.asarray(value)[0, 0])
         with suppress(ValueError):  # no acceleration, shorter than 1 s, or sampled below 2000 Hz
             velocity = _velocity_of(recording, channel)
-            found[f"{channel}:velocity [mm/s]"] = velocity
+            indicators[f"{channel}:velocity [mm/s]"] = velocity
             if machine_class is not None:
-                found[f"{channel}:zone"] = severity_zone(velocity, machine_class)
-    return found
+                indicators[f"{channel}:zone"] = severity_zone(velocity, machine_class)
+    return indicators
 
 
 def _velocity_of(recording: Recording, channel: str) -> float:

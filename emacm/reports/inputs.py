@@ -46,10 +46,10 @@ def read_actions(path: Path) -> dict[str, Any]:
     """
     with located(str(path)):
         content = read_toml(path)
-        found = content.get("actions", content)
-        if not isinstance(found, dict) or not found:
+        actions = content.get("actions", content)
+        if not isinstance(actions, dict) or not actions:
             raise ValueError('it must hold actions, as in: worn = "Replace the bearing."')
-        return found
+        return actions
 
 
 def read_parts(path: Path) -> list[Any]:
@@ -73,11 +73,11 @@ def read_parts(path: Path) -> list[Any]:
         If it has another content; the message names the table.
     """
     kinds: dict[str, type[Part]] = {kind.__name__: kind for kind in _PARTS}
-    found: list[Any] = []
+    parts: list[Any] = []
     with located(str(path)):
         for name, tables in read_toml(path).items():
             if name == "orders":
-                found.append(tables)
+                parts.append(tables)
                 continue
             if name not in kinds:
                 raise ValueError(
@@ -89,10 +89,10 @@ def read_parts(path: Path) -> list[Any]:
                     known = list(signature(kinds[name]).parameters)
                     if unknown := [key for key in one if key not in known]:
                         raise ValueError(f"{unknown[0]!r} is not known; possible are {known}.")
-                    found.append(kinds[name](**one))
-        if not found:
+                    parts.append(kinds[name](**one))
+        if not parts:
             raise ValueError("it holds no part; write a table such as [[Bearing]].")
-    return found
+    return parts
 
 
 def read_results(path: Path) -> pd.DataFrame:

@@ -49,8 +49,6 @@ class GridDesign:
         End of the pass band, as a fraction of the highest order pi/theta_s.
     width : int
         Grid points over which a time sample is spread.
-    shape : float
-        Of the kernel exp(shape width (sqrt(1 - z²) - 1)): the least folding at this grid.
     degree : int
         Of the polynomials that stand for the kernel: within 1e-4 of it.
     half : int
@@ -59,14 +57,9 @@ class GridDesign:
         Angle by which a shaft may always turn back along a stroke [rad].
     upsampling_half : int
         Time samples on either side that a new sample is made from.
-    upsampling_stop : float
-        Frequency at which the filter of the upsampling has fallen by 80 dB, over the sampling rate.
-    part, mean_of, fewest : int
+    part, mean_of : int
         Time samples, or samples of the shaft, that are spread at a time, and of which the mean is
-        taken at the start of a stroke; the fewest for signals slower than the shaft.
-    densest : int
-        Dense samples for each sample of the signal, of the shaft and of the result, beyond which
-        the shaft has jumped.
+        taken at the start of a stroke.
     first, margin : int
         Point that the filter of the first output reads first, half of `width`; fine grid points
         that are needed beyond either end of the stroke, `half` more.
@@ -74,16 +67,12 @@ class GridDesign:
 
     flat: float = 0.78
     width: int = 4
-    shape: float = 2.4
     degree: int = 5
     half: int = 20
     least_reversal: float = 0.25
     upsampling_half: int = 16
-    upsampling_stop: float = 0.58
     part: int = 1 << 13
     mean_of: int = 5000
-    fewest: int = 16
-    densest: int = 64
     first: int = 2
     margin: int = 22
 
@@ -126,7 +115,8 @@ def upsampling(fs: float, fastest: float, theta_s: float) -> int:
     """
     # Highest frequency [Hz] that the kernel still lets through: what folds onto the pass band.
     reach = (4 - DESIGN.flat) * fastest / (2 * theta_s)
-    return 1 if reach <= fs / 2 else int(max(2.0, np.ceil(reach / fs + DESIGN.upsampling_stop)))
+    # The filter of the upsampling has fallen by 80 dB at 0.58 of the sampling rate.
+    return 1 if reach <= fs / 2 else int(max(2.0, np.ceil(reach / fs + 0.58)))
 
 
 class Spreading:
@@ -479,14 +469,15 @@ class FineGrid:
 
 def _limited(n_times: int, fs: float, path: ShaftPath) -> int:
     """Return a number of samples at a rate, or fewer, so that the shaft has about as many."""
-    return max(DESIGN.fewest, int(n_times * min(1.0, fs / path.fs)))
+    return max(16, int(n_times * min(1.0, fs / path.fs)))
 
 
 def _check_density(factor: int, fs: float, path: ShaftPath, theta_s: float) -> None:
     """Raise a ValueError where the samples would have to be made too dense."""
     n_shaft = len(path.travel)
     n_dense = factor * fs * n_shaft / path.fs
-    if n_dense > DESIGN.densest * (n_shaft + n_shaft * fs / path.fs + path.count(theta_s)):
+    # Beyond 64 for each sample of the shaft, of the signal and of the result, the shaft jumped.
+    if n_dense > 64 * (n_shaft + n_shaft * fs / path.fs + path.count(theta_s)):
         largest, place = path.largest_step()
         mean = path.length / (n_shaft - 1)
         raise ValueError(
@@ -530,7 +521,8 @@ def _mirror_images(length: float, margin: float) -> Iterator[tuple[int, float]]:
 def _kernel(distance: NDArray[np.floating]) -> NDArray[np.floating]:
     """Exponential of semicircle (Barnett et al., Eq. (1.8)), of distances in grid points."""
     z = distance * (2 / DESIGN.width)
-    return np.exp(DESIGN.shape * DESIGN.width * (np.sqrt(np.maximum(0.0, 1.0 - z * z)) - 1.0))
+    # A shape of 2.4 gives the least folding at this grid.
+    return np.exp(2.4 * DESIGN.width * (np.sqrt(np.maximum(0.0, 1.0 - z * z)) - 1.0))
 
 
 @lru_cache(maxsize=1)

@@ -101,7 +101,7 @@ class IntegratedAngle(LazySeries):
         for first in range(0, len(velocity), at_once):
             angle = self._from(known[-1][-1], first, first + at_once + 1)
             known.append(angle[_STRIDE::_STRIDE].copy())
-        self._known = np.concatenate(known)
+        self._kept = np.concatenate(known)
 
     def speed_limit(self, start: int, stop: int) -> float:
         """Return the highest speed from sample `start` to `stop` (exclusive) [rad/s]."""
@@ -111,7 +111,7 @@ class IntegratedAngle(LazySeries):
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return the angles `start` to `stop` (exclusive) [rad]."""
         first = start // _STRIDE
-        return self._from(self._known[first], first * _STRIDE, stop)[start - first * _STRIDE :]
+        return self._from(self._kept[first], first * _STRIDE, stop)[start - first * _STRIDE :]
 
     def _from(self, angle: float, start: int, stop: int) -> NDArray[np.floating]:
         """Continue from the angle at a sample."""

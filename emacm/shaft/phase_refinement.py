@@ -71,7 +71,7 @@ def refined_speed(course: Course, orders: Array) -> tuple[Array, NDArray[np.bool
     white = course.white
     n_times = len(white.signal)
     times = np.arange(n_times) / white.fs
-    speed = _along(times, course)
+    speed = _interpolated_speeds(times, course)
     spectrum = fft.fft(white.signal)
     spectrum[(n_times + 1) // 2 :] = 0  # positive frequencies only
     analytic: NDArray[np.complex128] = fft.ifft(spectrum)
@@ -89,14 +89,14 @@ def refined_speed(course: Course, orders: Array) -> tuple[Array, NDArray[np.bool
     return speed, steady_seconds(lines, turns, gap, course.reliable, white.fs)
 
 
-def _along(times: Array, course: Course) -> Array:
+def _interpolated_speeds(times: Array, course: Course) -> Array:
     """Interpolate the trusted speeds; a single frame goes on at its rate of change."""
     at, speeds = course.times[course.trusted], course.speeds[course.trusted]
     inner = np.clip(times, at[0], at[-1])
-    found: Array = PchipInterpolator(at, speeds)(inner) if len(at) > 1 else speeds
+    interpolated: Array = PchipInterpolator(at, speeds)(inner) if len(at) > 1 else speeds
     ends = course.rates[course.trusted][[0, -1]] * speeds[[0, -1]]
     beyond = np.clip(times - inner, -course.duration / 2, course.duration / 2)
-    return found + np.where(beyond < 0, ends[0], ends[1]) * beyond
+    return interpolated + np.where(beyond < 0, ends[0], ends[1]) * beyond
 
 
 def _phase_speeds(
@@ -133,15 +133,15 @@ def _phase_speeds(
         weights.append(np.minimum(np.abs(step) / between, 40))
     if not clear:
         return middle, np.zeros(len(middle)), (np.zeros(0), 0.0)
-    lines, found = np.array(steps), np.array(clear)
+    lines, clear_orders = np.array(steps), np.array(clear)
     moved = np.angle(lines.sum(axis=1)) / (2 * np.pi * apart.mean())
     duration = len(turns) / fs
-    agreed, shift = _lines_of_shaft(found, moved, turns[-1] / duration, duration)
-    changes = (np.angle(lines) / (2 * np.pi * apart) - shift) / found[:, np.newaxis]
-    weight = np.array(weights) * (agreed * found**2)[:, np.newaxis]
+    agreed, shift = _lines_of_shaft(clear_orders, moved, turns[-1] / duration, duration)
+    changes = (np.angle(lines) / (2 * np.pi * apart) - shift) / clear_orders[:, np.newaxis]
+    weight = np.array(weights) * (agreed * clear_orders**2)[:, np.newaxis]
     change = (weight * changes).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-300)
     smooth = ndimage.uniform_filter1d(change, min(3, len(change)), mode="nearest")
-    return middle, smooth, (found[agreed], shift)
+    return middle, smooth, (clear_orders[agreed], shift)
 
 
 def _demodulated(
@@ -182,10 +182,10 @@ def _lines_of_shaft(
     votes[len(orders) :] -= 2
     votes[np.abs(changes) > 5e-3 * speed] = 0  # that is another speed
     best = int(np.argmax(votes))  # the lowest order of equals
-    chosen = np.asarray(agreed[best])
+    of_shaft = np.asarray(agreed[best])
     sidebands = best >= len(orders)
-    shift = np.polyfit(orders[chosen], moved[chosen], 1)[1] if sidebands else 0.0
-    return chosen, float(shift)
+    shift = np.polyfit(orders[of_shaft], moved[of_shaft], 1)[1] if sidebands else 0.0
+    return of_shaft, float(shift)
 
 
 def steady_seconds(

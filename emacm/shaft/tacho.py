@@ -258,7 +258,7 @@ def _check_pulses(pulses: Angle, end: float) -> None:
         )
 
 
-def _judged(log_intervals: Angle) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Angle]:
+def _too_short_or_long(log_intervals: Angle) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Angle]:
     """Mark intervals too short and perhaps too long for their neighbours; expect a logarithm."""
     n = len(log_intervals)
     if n < 3:
@@ -290,7 +290,7 @@ def _without_doubles(pulses: Angle) -> tuple[Angle, Angle]:
     """Take out the pulses that make an interval too short; return what stays and what went."""
     double: list[float] = []
     while True:
-        short = np.flatnonzero(_judged(np.log(np.diff(pulses)))[0])
+        short = np.flatnonzero(_too_short_or_long(np.log(np.diff(pulses)))[0])
         if not len(short):
             return pulses, np.sort(np.array(double, dtype=np.float64))
         apart = short[np.diff(short, prepend=-_REACH - 1) > _REACH]
@@ -318,7 +318,7 @@ def _numbered(pulses: Angle) -> tuple[NDArray[np.int64], Angle]:
     changed = True
     while changed:
         logs = np.log(intervals / parts)
-        _, long, expected = _judged(logs)
+        _, long, expected = _too_short_or_long(logs)
         long &= parts == 1
         guess = parts.copy()  # so that of two gaps close together neither misleads the other
         guess[long] = np.rint(np.minimum(np.exp(logs - expected), 1e6)[long])

@@ -1,4 +1,9 @@
-"""Shaft angle from vibration alone, without any shaft sensor."""
+"""Shaft angle from vibration alone, without any shaft sensor.
+
+The numbers here, in `speed_evidence` and in `phase_refinement` were chosen on simulated machines,
+none of which is among the 100 units in the notes of `angle_from_vibration`; no benchmark of this
+repository repeats the choice. ``pytest tests/shaft/test_vibration.py`` checks the results.
+"""
 
 from __future__ import annotations
 
@@ -392,15 +397,15 @@ def _margins(evidence: Evidence, speeds: Array, same_speed: float) -> tuple[Arra
     second = grid[_most_likely_path(evidence, elsewhere)]
     n_ratios = 2 * int(np.log(grid[-1] / grid[0]) / (step / grid[-1])) + 1
     ratios = np.exp(np.linspace(-1, 1, n_ratios) * np.log(grid[-1] / grid[0]))
-    rigid = _joined(scores, grid, ratios * speeds[:, np.newaxis])
+    rigid = _scores_at(scores, grid, ratios * speeds[:, np.newaxis])
     own = np.abs(ratios - 1) <= same
     mine = np.where(own, rigid, -np.inf).max(axis=1)
     rigid[own] = -np.inf
-    free = _joined(elsewhere, grid, second[:, np.newaxis])[:, 0]
+    free = _scores_at(elsewhere, grid, second[:, np.newaxis])[:, 0]
     return mine - np.maximum(rigid.max(axis=1), free), mine
 
 
-def _joined(scores: Array, grid: Array, speeds: Array) -> Array:
+def _scores_at(scores: Array, grid: Array, speeds: Array) -> Array:
     """Return the scores at some speeds, summed over neighbouring frames.
 
     Three neighbouring frames see the same lines and so count half.
@@ -502,7 +507,7 @@ def orders_stand_out(
     if int(like.sum()) > min(7, 2 * half // n_needed):
         return False
     # In windows of five revolutions, the lines of a repeated motion are not separate.
-    if _scatter(frame, orders[inside] * speed, 5 / speed, fs) < 1.15:
+    if _level_scatter(frame, orders[inside] * speed, 5 / speed, fs) < 1.15:
         return True
     return _evenness(raw, places[inside, half], gap) < 0.1
 
@@ -526,7 +531,7 @@ def _evenness(heights: Array, places: NDArray[np.intp], gap: float) -> float:
     return most / max(float(own), 1e-9)
 
 
-def _scatter(frame: Array, frequencies: Array, duration: float, fs: float) -> float:
+def _level_scatter(frame: Array, frequencies: Array, duration: float, fs: float) -> float:
     """Return the scatter of the mean level of lines over time, relative to that of noise.
 
     The logarithm of the power of noise in one bin has a variance of pi²/6.

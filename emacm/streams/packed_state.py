@@ -31,17 +31,17 @@ class Resumable:
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue from a state that was packed and unpacked."""
         for name, value in self.state().items():
-            setattr(self, name, _continued(value, state[name]))
+            setattr(self, name, _restored_value(value, state[name]))
 
 
-def _continued(value: Any, state: Any) -> Any:
+def _restored_value(value: Any, state: Any) -> Any:
     if hasattr(value, "restore"):
         value.restore(state)
         return value
     if isinstance(value, dict):
-        return {k: _continued(v, state[k]) for k, v in value.items() if k in state}
+        return {k: _restored_value(v, state[k]) for k, v in value.items() if k in state}
     if isinstance(value, list) and any(hasattr(item, "restore") for item in value):
-        return [_continued(*pair) for pair in zip(value, state, strict=True)]
+        return [_restored_value(*pair) for pair in zip(value, state, strict=True)]
     return value._make(state) if hasattr(value, "_make") else state
 
 

@@ -489,8 +489,8 @@ def phase_modulation(average: Array, teeth: int) -> float:
     near = mesh[:, np.newaxis] + np.concatenate([-apart, apart])
     background = np.mean(np.abs(spectrum[np.minimum(near, len(spectrum) - 1)]) ** 2, axis=1)
     error = 2 * np.sum(background * np.abs(orders * centre) ** 2)
-    found = np.abs(np.sum(odd * orders))
-    return float(found / _positive(information) * (found > 5 * np.sqrt(error)))
+    correlation = np.abs(np.sum(odd * orders))
+    return float(correlation / _positive(information) * (correlation > 5 * np.sqrt(error)))
 
 
 def _amplitudes(average: Array) -> Array:

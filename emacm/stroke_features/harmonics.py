@@ -156,13 +156,13 @@ class ShaftHarmonics(StrokeFeatures):
         return [f"{number}of{self.n_sections}:{line}" for number in numbers for line in lines]
 
     def _features(self, strokes: Sequence[StrokeSignal]) -> Array:
-        found = np.stack([self._of_section(strokes, k) for k in range(self.n_sections)])
-        return (found if self.phase else np.hypot(found[..., 0], found[..., 1])).ravel()
+        lines = np.stack([self._of_section(strokes, k) for k in range(self.n_sections)])
+        return (lines if self.phase else np.hypot(lines[..., 0], lines[..., 1])).ravel()
 
     def _of_section(self, strokes: Sequence[StrokeSignal], section: int) -> Array:
         """Fit one section of all strokes, shape (n_orders, 2)."""
-        found = [(s, whole_revolutions(s.travel, section, self.n_sections)) for s in strokes]
-        cut = [stroke.cut(whole) for stroke, whole in found if whole is not None]
+        sections = [(s, whole_revolutions(s.travel, section, self.n_sections)) for s in strokes]
+        cut = [stroke.cut(whole) for stroke, whole in sections if whole is not None]
         if not cut:
             longest = max(float(np.ptp(stroke.travel)) for stroke in strokes) / (2 * np.pi)
             of = f"each of {self.n_sections} sections of a " if self.n_sections > 1 else "a "
@@ -303,10 +303,10 @@ def check_orders(orders: Any) -> tuple[float, ...]:
     """Return orders as floats: positive, each once."""
     if isinstance(orders, str) or not isinstance(orders, Sequence | np.ndarray):
         raise TypeError(f"orders must be a list of numbers such as [1, 2], got {orders!r}.")
-    found = tuple(check_number(order, "an order", above=0) for order in orders)
-    if not found or len(set(found)) < len(found):
-        raise ValueError(f"orders must contain each order once, got {list(found)}.")
-    return found
+    unique = tuple(check_number(order, "an order", above=0) for order in orders)
+    if not unique or len(set(unique)) < len(unique):
+        raise ValueError(f"orders must contain each order once, got {list(unique)}.")
+    return unique
 
 
 def _without_trend(rows: Array, theta: Array, weight: Array) -> Array:

@@ -165,8 +165,8 @@ def cosine_coefficients(position: ArrayLike, signal: ArrayLike, n_coefficients: 
     """
     p, x = np.asarray(position, dtype=np.float64), np.asarray(signal, dtype=np.float64)
     middle, width, rise = (p[1:] + p[:-1]) / 2, np.diff(p), np.diff(x)
-    found = [(x[1:] + x[:-1]) @ width / 2]
+    coefficients = [(x[1:] + x[:-1]) @ width / 2]
     for omega in np.pi * np.arange(1, n_coefficients):
         weights = np.sin(omega * middle) * np.sinc(omega * width / (2 * np.pi))
-        found.append(-np.sqrt(2) / omega * (rise @ weights))
-    return np.array(found)
+        coefficients.append(-np.sqrt(2) / omega * (rise @ weights))
+    return np.array(coefficients)

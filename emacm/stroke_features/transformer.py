@@ -267,7 +267,7 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
 
     def _row(self, row: Row) -> NDArray[np.float64]:
         blocks = []
-        channels = _cut(row, self.channels_, self._strokes(row))
+        channels = _cut_into_strokes(row, self.channels_, self._strokes(row))
         for channel, strokes in zip(self.channels_, channels, strict=True):
             for sign, way in WAYS.values() if self.by_direction_ else [(0, "")]:
                 kind = f"{way} stroke".strip()
@@ -283,24 +283,26 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         return np.concatenate(blocks).astype(np.float64)
 
 
-def _cut(row: Row, channels: Sequence[str], strokes: Sequence[Any]) -> list[list[StrokeSignal]]:
+def _cut_into_strokes(
+    row: Row, channels: Sequence[str], strokes: Sequence[Any]
+) -> list[list[StrokeSignal]]:
     """Return the signals of each channel in the strokes of a recording.
 
     Over time, samples are cut at the ends of strokes, without resampling; over the shaft angle,
     the strokes are resampled in this call.
     """
-    found: list[list[StrokeSignal]] = [[] for _ in channels]
+    cuts: list[list[StrokeSignal]] = [[] for _ in channels]
     if isinstance(row, AngleRecording):
         for stroke in strokes:
             signals, travel = stroke.signals, row.theta_s * np.arange(stroke.n_angles)
-            for name, cut in zip(channels, found, strict=True):
+            for name, cut in zip(channels, cuts, strict=True):
                 signal = signals[row.channels.index(name)]
                 cut.append(StrokeSignal(signal, travel, stroke.start_angle, stroke.direction))
-        return found
-    for name, cut in zip(channels, found, strict=True):
+        return cuts
+    for name, cut in zip(channels, cuts, strict=True):
         signal, fs = row.signals[name], row.fs[name]  # read once, also from a file
         cut += [_of_path(path, signal, fs) for path in strokes]
-    return found
+    return cuts
 
 
 def _of_path(path: ShaftPath, signal: Samples, fs: float) -> StrokeSignal:
