@@ -37,8 +37,8 @@ def run(options: argparse.Namespace) -> int:
     paths = recording_files(options.paths, layout, options.pattern)
     healthy = None
     if options.healthy is not None:
-        known = RecordingFolder(options.healthy, layout, options.pattern)
-        healthy = healthy_scores(known, parts)
+        folder = RecordingFolder(options.healthy, layout, options.pattern)
+        healthy = healthy_scores(folder, parts)
     rows: list[dict[str, Any]] = []
     for path in paths:
         for row in _rows(path, layout, parts, healthy):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import compress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -65,47 +66,47 @@ class ConditionBaseline(  # type: ignore[call-arg]
 
     def _find_healthy(self, X: Any, y: ArrayLike | None) -> Healthy:
         """Return the healthy recordings of each condition; raise an error if one has none."""
-        found, mask = read_meta(X, self.condition), healthy_recordings(X, y, self.healthy)
-        further = [] if self.baseline_recordings is None else self.baseline_recordings
-        if isinstance(further, str) or not isinstance(further, Sequence):
+        conditions, mask = read_meta(X, self.condition), healthy_recordings(X, y, self.healthy)
+        added = [] if self.baseline_recordings is None else self.baseline_recordings
+        if isinstance(added, str) or not isinstance(added, Sequence):
             raise TypeError(
-                f"baseline_recordings must be None or a list of recordings, got {received(further)}"
+                f"baseline_recordings must be None or a list of recordings, got {received(added)}"
             )
-        if any(isinstance(recording, str) for recording in further):  # of a model file
-            raise ValueError(f"set baseline_recordings again: {further[0]}.")
+        if any(isinstance(recording, str) for recording in added):  # of a model file
+            raise ValueError(f"set baseline_recordings again: {added[0]}.")
         with located("baseline_recordings"):
-            known = read_meta(further, self.condition) if further else []
-        own = [value for value, good in zip(found, mask, strict=True) if good] + known
+            of_added = read_meta(added, self.condition) if added else []
+        of_healthy = [*compress(conditions, mask), *of_added]
         rows = {
-            value: [row for row, other in enumerate(own) if other == value]
-            for value in sorted_conditions(own)
+            value: [row for row, other in enumerate(of_healthy) if other == value]
+            for value in sorted_conditions(of_healthy)
         }
-        for value in sorted_conditions(found):
+        for value in sorted_conditions(conditions):
             if value not in rows:
                 raise ValueError(
-                    f"none of the {found.count(value)} recordings of "
+                    f"none of the {conditions.count(value)} recordings of "
                     f"{condition_name(self.condition, value)} is healthy (healthy = "
                     f"{self.healthy!r}). Add healthy ones to X or to baseline_recordings."
                 )
         healthy_rows = [X[row] for row in np.flatnonzero(mask)] if are_recordings(X) else []
-        known_rates = map(_rates_of, reversed([*healthy_rows, *further]))
+        known_rates = map(_rates_of, reversed([*healthy_rows, *added]))
         rates = {channel: rate for of_one in known_rates for channel, rate in of_one.items()}
         check_healthy_rates(X, rates)
         with located("baseline_recordings"):
-            check_healthy_rates(further, rates)
-        return Healthy(mask, [*further], rows, rates)
+            check_healthy_rates(added, rates)
+        return Healthy(mask, [*added], rows, rates)
 
     def _known_conditions(self, X: Any) -> list[Any]:
         """Return the condition of each recording; raise a ValueError if it has no baseline."""
-        found = read_meta(X, self.condition)
-        for index, value in enumerate(found):
+        conditions = read_meta(X, self.condition)
+        for index, value in enumerate(conditions):
             if value not in self.conditions_:
                 raise ValueError(
                     f"{entry_name(X, index)} has {condition_name(self.condition, value)}, but "
                     f"there are healthy recordings of {list(self.conditions_)} only. Give "
                     f"healthy recordings of it as baseline_recordings, or train with them."
                 )
-        return found
+        return conditions
 
 
 def healthy_recordings(X: Any, y: ArrayLike | None, healthy: Any) -> NDArray[np.bool_]:

@@ -149,12 +149,12 @@ class Spectrum(NamedTuple):
 
     def _modulations(self, fault: Fault, turns: set[float]) -> list[float]:
         """Return which orders modulate a fault: its own, and those whose sidebands stand out."""
-        asked = replace(fault.series, sidebands=tuple((str(turn), turn) for turn in turns))
-        heights = self.lines.sidebands(self.psd, asked, fault.slip)
-        own = {order for _, order in fault.series.sidebands}
-        stands_out = {turn for turn in turns if heights.get(str(turn), 0.0) >= 3.0}
+        modulated = replace(fault.series, sidebands=tuple((str(turn), turn) for turn in turns))
+        heights = self.lines.sidebands(self.psd, modulated, fault.slip)
+        modulating = {order for _, order in fault.series.sidebands}
+        modulating |= {turn for turn in turns if heights.get(str(turn), 0.0) >= 3.0}
         # The shaft, and the cage, which slips as well.
-        return [turn * slowed for turn in own | stands_out for slowed in (1.0, 1 + fault.slip)]
+        return [turn * slowed for turn in modulating for slowed in (1.0, 1 + fault.slip)]
 
     def unexplained(self, named: Sequence[str]) -> list[Fault]:
         """Return the faults that have lines which those named do not explain.
@@ -164,12 +164,12 @@ class Spectrum(NamedTuple):
         bearings, also after a look at UESTC.
         """
         faults = self.faults()
-        known = [fault for fault in faults if fault.name in named]
-        least = max(np.mean(fault.heights) for fault in known) - 15.0
+        explaining = [fault for fault in faults if fault.name in named]
+        least = max(np.mean(fault.heights) for fault in explaining) - 15.0
         turns = {order for fault in faults for _, order in fault.series.sidebands} | {1.0}
         explained = [
             self.lines.explained(fault.series, fault.slip, self._modulations(fault, turns))
-            for fault in known
+            for fault in explaining
         ]
         return [
             fault
@@ -191,7 +191,7 @@ class Measured(NamedTuple):
     ----------
     number, channel : int, str
         Row or recording, and channel.
-    spectrum, fine : Spectrum, and sequence of Spectrum
+    spectrum, finer : Spectrum, and sequence of Spectrum
         Of segments for the average, and of longer ones.
     shift : float
         Fraction by which the harmonics of the shaft are shifted: not 0 if the speed is wrong.
@@ -205,7 +205,7 @@ class Measured(NamedTuple):
     number: int
     channel: str
     spectrum: Spectrum
-    fine: Sequence[Spectrum]
+    finer: Sequence[Spectrum]
     shift: float = 0.0
     rpm: float = np.nan
     fs: float = np.nan
@@ -272,8 +272,8 @@ def _of_recording(number: int, stated: Recording, levels: FaultLines) -> Iterato
     rpm = speed * recording.shaft_fs * 30 / np.pi
     for channel in by_length[0]:
         mean = float(np.mean(envelope[0].signals[channel]))
-        spectrum, *fine = (spectra[channel][0]._replace(mean=mean) for spectra in by_length)
-        measured = Measured(number, channel, spectrum, fine, shift, rpm, recording.fs[channel])
+        spectrum, *finer = (spectra[channel][0]._replace(mean=mean) for spectra in by_length)
+        measured = Measured(number, channel, spectrum, finer, shift, rpm, recording.fs[channel])
         yield measured._replace(defect=_defect(recording, channel))
 
 

@@ -369,7 +369,7 @@ class _Case:
     def rejection(self, fault: Fault) -> str:
         """Return why a fault is not named, or ""."""
         reason = self.below_limits(fault)
-        if not reason and self.measured.fine[0].has_other_source(fault):
+        if not reason and self.measured.finer[0].has_other_source(fault):
             return "; the lines between them are as high, as with impacts of another source"
         return reason
 
@@ -403,7 +403,7 @@ def _wrong_speed(case: _Case) -> _Finding | None:
     """Assess no channel whose lines fit another speed."""
     measured, best, fault = case.measured, case.best, case.at_other_speed
     if not measured.is_shifted:
-        if fault is None or measured.fine[0].has_other_source(fault):
+        if fault is None or measured.finer[0].has_other_source(fault):
             return None
         is_clear = best.excess >= case.settings.named and not case.below_limits(best)
         if fault.excess < best.excess + (6.0 if is_clear else 3.0):
@@ -418,17 +418,17 @@ def _named(case: _Case) -> _Finding | None:
     if case.rejection(case.best):
         return None
     named = [case.best]
-    while further := _further(case, [fault.name for fault in named]):
-        named.append(further)
+    while fault := _further_fault(case, [fault.name for fault in named]):
+        named.append(fault)
     text = "; ".join(_sentence(fault, case.faults) for fault in named)
     return _Finding(" + ".join(fault.name for fault in named), NONE, case.best, text)
 
 
-def _further(case: _Case, named: Sequence[str]) -> Fault | None:
+def _further_fault(case: _Case, named: Sequence[str]) -> Fault | None:
     """Return the strongest further fault; it must reach the limits without healthy recordings."""
     possible = [f.name for f in case.raised if case.healthy is not None or f.series.slips]
-    finest = case.measured.fine[0].lines
-    for spectrum in case.measured.fine:
+    finest = case.measured.finer[0].lines
+    for spectrum in case.measured.finer:
         likely = [
             fault
             for fault in spectrum.unexplained(named)

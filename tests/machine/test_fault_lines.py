@@ -180,11 +180,3 @@ def test_the_least_p_value_is_one_in_2001_and_is_the_same_in_every_run():
     excess, p = measure().compare(psd, np.array([[100.0]]))
     assert p == pytest.approx(1 / 2001, rel=1e-12)
     assert measure().compare(psd, np.array([[100.0]]))[0] == excess
-
-
-@pytest.mark.parametrize("whole", [1, 2, 7])
-def test_a_harmonic_of_the_shaft_within_the_slip_is_not_the_fault(whole):
-    fault = FaultSeries("wear", (whole + 0.08,), True)
-    measure = LineLevels(ORDERS, [fault], 0.09, 0.5, without_shaft=True)
-    assert measure.measure(spectrum([whole])[np.newaxis])[0] == pytest.approx(0)
-    assert measure.measure(spectrum([whole + 0.08])[np.newaxis])[0] == pytest.approx(20)
