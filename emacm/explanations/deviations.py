@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.explanations.opened_pipelines import (
-    FeatureTrace,
     OpenedPipeline,
     TracedRecordings,
+    apply_steps,
     one_recording,
 )
 
@@ -72,7 +72,7 @@ def _in_decibels(traced: TracedRecordings, reference: Array) -> Array:
     with np.errstate(all="ignore"):
         step = np.nan_to_num(10.0 / scales)
         changed = [np.where(power, row * 10, row + step), np.where(power, row / 10, row - step)]
-        up, down = traced.trace.positions(np.array(changed)) - found
+        up, down = apply_steps(traced.elementwise, np.array(changed)) - found
         logarithmic = np.abs(up + down) <= 1e-6 * np.abs(up)
         decibels = (found - reference) * 10.0 / up
         # In a position that is linear in the power, ten times the power adds nine times as much.
@@ -237,9 +237,9 @@ def class_deviations(
     opened = OpenedPipeline.of(pipeline, x)
     traced = opened.traced(x)
     if background is None:
-        mean, spread = _learned(opened.classifier, traced.trace, reference)
+        mean, spread = _learned(opened.classifier, traced.is_linear, reference)
     else:
-        others = traced.trace.positions(opened.table(background)[0])
+        others = apply_steps(traced.elementwise, opened.table(background)[0])
         mean, spread = others.mean(axis=0), others.std(axis=0)
     # Hundreds of bins are looked at: four standard deviations.
     found = find_deviations(traced, mean, spread, low=mean - 4 * spread, high=mean + 4 * spread)
@@ -249,13 +249,13 @@ def class_deviations(
 
 
 def _learned(
-    classifier: CostSensitiveGaussianBayes, trace: FeatureTrace, reference: Any
+    classifier: CostSensitiveGaussianBayes, is_projected: bool, reference: Any
 ) -> tuple[Array, Array]:
     """Return mean and standard deviations of the positions of a class, as learned."""
     classes = classifier.classes_.tolist()
     if reference not in classes:
         raise ValueError(f"reference must be one of the classes {classes}, got {reference!r}.")
-    if trace.linear:
+    if is_projected:
         raise ValueError(f"{PROJECTED}.")
     code = classes.index(reference)
     covariances = np.asarray(classifier.covariances_)

@@ -28,6 +28,7 @@ from emacm.explanations.deviations import (
 from emacm.explanations.opened_pipelines import (
     OpenedPipeline,
     TracedRecordings,
+    apply_steps,
     one_recording,
     with_names,
 )
@@ -99,8 +100,8 @@ def explain_decision(
     explained, in the metric of `CostSensitiveGaussianBayes.typicality`; the baseline is that class.
     The table then has the columns "deviation" (from that class), "outside_training" (from the range
     of the training recordings: 0 within) and "unit" of both: "dB" for powers, exactly, and
-    "standard deviations" for other features. `attrs` has "statements": sentences such as "line at
-    order 9 to 9.5 of 'vibration', 14 dB above the training maximum". After a projection (PCA),
+    "standard deviations" for other features. `attrs` has "statements": sentences such as "orders 9
+    to 9.5 of 'vibration' 14 dB above the training maximum". After a projection (PCA),
     which bins deviate is not determined; give the training recordings as `background`.
 
     Otherwise, `attrs` has "statements" if the recording has lines of another class beside those of
@@ -146,7 +147,7 @@ def explain_decision(
         values = opened.table(background)[0]
         if not len(values):
             raise ValueError("background must contain at least one recording, got none.")
-        others = traced.trace.positions(values)
+        others = apply_steps(traced.elementwise, values)
         centre = others.mean(axis=0)
     step, start, end = _lines(classifier, traced, code, centre)
     attrs = {"decision": decision, "against": against, "baseline": classes[code]}
@@ -162,13 +163,13 @@ def explain_decision(
         joint = joint_log_proba(classifier, end)[0]
         value = joint[own] - joint[code]
         quantity = f"log odds of {decision!r} against {against!r} [nats]"
-    table = traced.bins.assign(contribution=(step * (slope @ traced.trace.matrix))[0])
+    table = traced.bins.assign(contribution=(step * (slope @ traced.matrix))[0])
     attrs |= {"quantity": quantity, "value": float(value)}
     attrs["baseline_value"] = float(value - table["contribution"].sum())
     if with_unknown:
         deviations = _deviations(classifier, traced, step, others)
         attrs["statements"] = [PROJECTED]
-        if others is not None or not traced.trace.linear:
+        if others is not None or not traced.is_linear:
             attrs["statements"] = unknown_statements(table.join(deviations), str(classes[code]))
         table = table.join(deviations[["deviation", "outside_training", "unit"]])
     elif statement := _of_second_state(classifier, traced, decision):
@@ -233,7 +234,7 @@ def explain_model(pipeline: Any, X: Any, y: ArrayLike) -> pd.DataFrame:
             centre = traced.positions[own == other].mean(axis=0)
             step, start, end = _lines(classifier, traced, other, centre, chosen=own == code)
             slope = mean_slope_of_log_odds(classifier, start, end, code, other)
-            found.append(np.abs(step * (slope @ traced.trace.matrix)))
+            found.append(np.abs(step * (slope @ traced.matrix)))
         name = " vs ".join(str(label) for label in classifier.classes_[list(pair)].tolist())
         magnitudes[name] = np.concatenate(found)
     if not magnitudes:
@@ -343,12 +344,12 @@ def _lines(
     chosen: Any = slice(None),
 ) -> tuple[Array, Array, Array]:
     """Return the lines to the chosen recordings: steps in positions, both ends in features."""
-    end, matrix = traced.features[chosen], traced.trace.matrix
+    end, matrix = traced.features[chosen], traced.matrix
     if centre is not None:
         step = traced.positions[chosen] - centre
     else:
         step = end - classifier.means_[code]
-        if traced.trace.linear:  # the shortest step with this difference of features
+        if traced.is_linear:  # the shortest step with this difference of features
             step = step @ np.linalg.pinv(matrix).T
     return step, end - step @ matrix.T, end
 
@@ -365,7 +366,7 @@ def _deviations(
     where the features are projections of several columns.
     """
     low = high = spread = np.full(len(step[0]), np.nan)
-    if not traced.trace.linear:  # each feature is the position of one column
+    if not traced.is_linear:  # each feature is the position of one column
         low, high = classifier.feature_range_
         spread = classifier.distances_.deviations
     elif others is not None:
@@ -379,7 +380,7 @@ def _of_second_state(
     """Return a sentence on lines of another class beside those of the decided one; "" if none."""
     features = with_names(classifier, traced.features)
     (second,) = classifier.second_states(features, [decision])
-    if second is None or traced.trace.linear:
+    if second is None or traced.is_linear:
         return "" if second is None else second_state_statement(decision, second)
     own, other = map(classifier.classes_.tolist().index, (decision, second))
     distances = classifier.distances_

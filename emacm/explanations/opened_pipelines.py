@@ -32,7 +32,7 @@ from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
 
 Array = NDArray[np.float64]
-Steps = tuple[tuple[str, Any], ...]
+Steps = Sequence[tuple[str, Any]]
 
 
 def _columns(step: Any, names: Any, scales: Array) -> tuple[Any, Array]:
@@ -77,30 +77,6 @@ def _decibels_per_unit(logarithm: FunctionTransformer) -> float:
         return np.nan
     straight = np.ptp(steps) <= 1e-6 * np.abs(steps).max()  # the powers are 10 dB apart
     return float(10.0 / steps.mean()) if straight and steps.any() else np.nan
-
-
-@dataclass(frozen=True)
-class FeatureTrace:
-    """The steps from a table to the features: element-wise steps, then linear ones.
-
-    Attributes
-    ----------
-    elementwise : tuple of (name, transformer)
-        The fitted element-wise steps.
-    linear : bool
-        Whether there are linear steps.
-    matrix : ndarray of shape (n_features, n_columns)
-        Matrix of the linear steps, which is applied to the outputs of the element-wise steps.
-        These outputs, one for each column of the table, are called positions.
-    """
-
-    elementwise: Steps
-    linear: bool
-    matrix: Array
-
-    def positions(self, table: Array) -> Array:
-        """Apply the element-wise steps, shape (n_recordings, n_columns)."""
-        return apply_steps(self.elementwise, table)
 
 
 @dataclass(frozen=True)
@@ -202,22 +178,44 @@ class OpenedPipeline:
     def traced(self, X: Any) -> TracedRecordings:
         """Return recordings after each kind of steps."""
         values, bins, scales = self.table(X)
-        trace = trace_features(self.steps, values)
-        features = apply_steps(self.steps, values)
-        return TracedRecordings(values, bins, scales, trace, trace.positions(values), features)
+        elementwise, matrix = trace_features(self.steps, values)
+        positions, features = (apply_steps(own, values) for own in (elementwise, self.steps))
+        is_linear = len(elementwise) < len(self.steps)
+        return TracedRecordings(
+            values, bins, scales, elementwise, is_linear, matrix, positions, features
+        )
 
 
 @dataclass(frozen=True)
 class TracedRecordings:
-    """Recordings as rows of the table, positions (after the element-wise steps) and features.
+    """Recordings, and the steps from their table to their features.
 
-    `bins` describes the columns of the table, and `scales` are those of `OpenedPipeline.table`.
+    Attributes
+    ----------
+    table : ndarray of shape (n_recordings, n_columns)
+        Rows of the table.
+    bins : DataFrame
+        Description of its columns.
+    scales : ndarray of shape (n_columns,)
+        Those of `OpenedPipeline.table`.
+    elementwise : sequence of (name, transformer)
+        The first steps, whose outputs depend on the column in their place only.
+    is_linear : bool
+        Whether there are linear steps after them.
+    matrix : ndarray of shape (n_features, n_columns)
+        Matrix of the linear steps, which is applied to the outputs of the element-wise steps.
+    positions : ndarray of shape (n_recordings, n_columns)
+        These outputs.
+    features : ndarray of shape (n_recordings, n_features)
+        Outputs of all steps.
     """
 
     table: Array
     bins: pd.DataFrame
     scales: Array
-    trace: FeatureTrace
+    elementwise: Steps
+    is_linear: bool
+    matrix: Array
     positions: Array
     features: Array
 
@@ -253,7 +251,7 @@ def _flat_steps(estimator: Any, name: str = "") -> list[tuple[str, Any]]:
     return [flat for inner, step in steps for flat in _flat_steps(step, inner)]
 
 
-def _first_table(steps: Sequence[tuple[str, Any]], X: Any) -> int:
+def _first_table(steps: Steps, X: Any) -> int:
     """Return the number of steps that turn recordings into a table, tested with one of them."""
     sample, reason = list(X[:1]), "No step turns them into a table."
     try:
@@ -281,7 +279,7 @@ def _bin_frame(names: Sequence[Any]) -> pd.DataFrame:
     )
 
 
-def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTrace:
+def trace_features(steps: Steps, table: Array) -> tuple[Steps, Array]:
     """Determine the element-wise and linear steps from the columns of a table to the features.
 
     Parameters
@@ -293,8 +291,10 @@ def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTra
 
     Returns
     -------
-    FeatureTrace
-        The leading element-wise steps, and the linear steps after them.
+    elementwise : sequence of (name, transformer)
+        The leading element-wise steps.
+    matrix : ndarray of shape (n_features, n_columns)
+        Matrix of the linear steps after them.
 
     Raises
     ------
@@ -309,8 +309,8 @@ def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTra
     >>> from sklearn.preprocessing import StandardScaler
     >>> X = np.random.default_rng(0).normal(size=(9, 3))
     >>> scaler, pca = StandardScaler().fit(X), PCA(2).fit(StandardScaler().fit_transform(X))
-    >>> trace = trace_features([("scaler", scaler), ("pca", pca)], X)
-    >>> [name for name, _ in trace.elementwise], np.allclose(trace.matrix, pca.components_)
+    >>> elementwise, matrix = trace_features([("scaler", scaler), ("pca", pca)], X)
+    >>> [name for name, _ in elementwise], np.allclose(matrix, pca.components_)
     (['scaler'], True)
     """
     row = np.asarray(table, dtype=np.float64)[:1]
@@ -328,10 +328,10 @@ def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTra
         else:
             matrix = _linear_part(name, step, row) @ matrix
         row = after
-    return FeatureTrace(tuple(elementwise), len(elementwise) < len(steps), matrix)
+    return elementwise, matrix
 
 
-def apply_steps(steps: Sequence[tuple[str, Any]], values: Array) -> Array:
+def apply_steps(steps: Steps, values: Array) -> Array:
     """Transform an array by several steps."""
     for _, step in steps:
         values = apply_step(step, values)

@@ -81,6 +81,13 @@ class LineSpectrum:
         """Height of each line over the local background [dB]."""
         return self.levels((), 0.0).heights(self.psd[np.newaxis])[0]
 
+    def peaks_near(self, orders: Array) -> Array:
+        """Return the order of the highest line within one line of the axis of each order."""
+        places = np.rint((orders - self.orders[0]) / self.step).astype(np.intp)
+        around = np.add.outer(places, [-1, 0, 1])
+        best = self.heights[around].argmax(axis=1)
+        return self.orders[around[np.arange(len(around)), best]]
+
     @staticmethod
     def is_high(heights: Any) -> NDArray[np.bool_]:
         """Return which heights are those of lines; noise alone is 1 to 3 dB high."""
@@ -230,14 +237,20 @@ class PartLines:
         lines: list[tuple[int, float, tuple[str, str]]] = []
         if self.resolved:
             levels = spectrum.levels(self.resolved, slip)
-            _, (slips,), heights = levels.measure(spectrum.psd[np.newaxis].astype(np.float64))
-            for fault, shift, (own,) in zip(self.resolved, slips, heights, strict=True):
-                if spectrum.is_high(own).mean() >= 0.5:
+            _, (shifts,), heights = levels.measure(spectrum.psd[np.newaxis].astype(np.float64))
+            for fault, shift, (own,) in zip(self.resolved, shifts, heights, strict=True):
+                is_high = spectrum.is_high(own)
+                if is_high.mean() >= 0.5:
                     self.shown.add(fault.name)
+                known = np.array(fault.orders)[is_high]
+                if fault.slips and len(known):  # the slip is known to a line of the axis
+                    shift = spectrum.peaks_near(known * (1 + shift)) @ known / (known @ known) - 1
                 lines += self._lines_of(fault, 1 + float(shift))
         lines.sort(key=lambda line: line[0])  # of equally near lines the simplest
         self._owners = [owner for _, _, owner in lines]
-        self._orders = {str(number): order for number, (_, order, _) in enumerate(lines)}
+        slipping = {fault.name: fault.slips for fault in self.resolved}
+        slips = [slipping[name] for name, _ in self._owners]
+        self._lines = pd.DataFrame({"order": [order for _, order, _ in lines], "slips": slips})
 
     def _lines_of(
         self, fault: FaultSeries, scale: float
@@ -258,10 +271,11 @@ class PartLines:
 
     def owners(self, orders: Array) -> list[tuple[str, str]]:
         """Return series and line of the nearest predicted line at each order; empty if none."""
-        if not self._orders:
+        if self._lines.empty:
             return [("", "")] * len(orders)
+        # Random slip broadens a line, the more the higher its order; the highest peak is anywhere.
         width = 3 * self._spectrum.step
-        _, nearest = lines_within(orders, orders, self._orders, slip=0.0, min_width=width)
+        _, nearest = lines_within(orders, orders, self._lines, slip=0.003, min_width=width)
         return [self._owners[place] if place >= 0 else ("", "") for place in nearest]
 
 

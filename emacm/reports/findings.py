@@ -171,7 +171,7 @@ def _normal_statements(
 def _without_gain(table: pd.DataFrame) -> tuple[pd.DataFrame, list[Row]]:
     """Subtract the deviation that the order bands of a channel have in common, and state it.
 
-    It is their median, if it is at least 1 dB and four bands in five deviate to the same side. Adds
+    It is their median, if it is at least 1 dB and four bands in five are within 2 dB of it. Adds
     the channel as "measured", without its name in a FeatureUnion; the name of the "feature"; the
     "severity", in parts of the limit; and whether it is "raised", or lowered, beyond the limit.
     """
@@ -179,7 +179,7 @@ def _without_gain(table: pd.DataFrame) -> tuple[pd.DataFrame, list[Row]]:
     for channel, own in table[table["low"].notna()].groupby("channel", sort=False):
         deviation = own["deviation"][own["unit"] == "dB"].dropna()
         gain = float(deviation.median())
-        if abs(gain) >= 1.0 and (deviation * gain > 0).mean() >= 0.8:
+        if abs(gain) >= 1.0 and ((deviation - gain).abs() <= 2.0).mean() >= 0.8:
             name = channel_name(str(channel))
             rows.append(Row("all orders together", name, "all", decibels(gain)))
             table.loc[deviation.index, ["deviation", "level"]] -= gain
@@ -202,12 +202,16 @@ def _cells(lines: list[RaisedLine], before: str) -> tuple[str, str]:
 
 
 def _explained(bins: pd.DataFrame, lines: list[RaisedLine], reach: float) -> pd.Index:
-    """Return the bins of which raised lines within `reach` are at least half of the deviation."""
+    """Return the bins that raised lines within `reach` explain.
+
+    The lines are at least half of the power, and at the edge of two bins the least rise is lower by
+    up to 3 dB.
+    """
     power = np.zeros(len(bins))
     for line in lines:
         touched = (bins["low"] <= line.order + reach) & (bins["high"] >= line.order - reach)
         power += touched.to_numpy() * 10 ** (line.rise / 10)
-    return bins.index[power >= 10 ** ((bins["deviation"] - 3.0) / 10)]  # 3 dB
+    return bins.index[power >= 10 ** ((bins["deviation"] - 6.0) / 10)]
 
 
 def _other_rows(table: pd.DataFrame) -> list[Row]:

@@ -350,18 +350,15 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, other: A
     page.parts = parts
     reference = settings.healthy if settings.healthy is not None else other
     background, healthy = settings.background, {}
-    for part, X in list(parts_with_input(model, [recording], OrderPSD))[:1]:
-        power = np.asarray(part.transform(X), dtype=np.float64)[0]
-        blocks = parse_order_columns(list(part.get_feature_names_out())) or ()
-        page.spectra = {block.channel: (block.orders, power[block.columns]) for block in blocks}
-        if background is not None:
-            _, others = next(parts_with_input(model, list(background), OrderPSD))
-            powers = np.asarray(part.transform(others), dtype=np.float64)
-            healthy = {block.channel: powers[:, block.columns] for block in blocks}
+    spectra = _order_spectra(model, [recording])
+    page.spectra = {channel: (orders, power[0]) for channel, (orders, power) in spectra.items()}
     try:
         explained = explain_decision(model, recording, background=background)
         page.statements = explained.attrs.get("statements", [])
         table = class_deviations(model, recording, reference, background=background)
+        if background is not None:
+            spectra = _order_spectra(model, list(background))
+            healthy = {channel: powers for channel, (_, powers) in spectra.items()}
     except (TypeError, ValueError) as error:
         page.notes.append(f"Which orders are raised is not known: {error}")
         return
@@ -383,6 +380,15 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, other: A
             "The rise of a line is at least its own power over that of the whole band of orders in "
             "healthy recordings; with healthy recordings as background, it is measured exactly."
         )
+
+
+def _order_spectra(model: Any, X: list[Any]) -> dict[str, tuple[Any, Any]]:
+    """Return orders and power of each channel, as the first `OrderPSD` of a model computes them."""
+    for part, own in list(parts_with_input(model, X, OrderPSD))[:1]:
+        power = np.asarray(part.transform(own), dtype=np.float64)
+        blocks = parse_order_columns(list(part.get_feature_names_out())) or ()
+        return {block.channel: (block.orders, power[:, block.columns]) for block in blocks}
+    return {}
 
 
 def lines_of_envelopes(page: Page, parts: Any, recording: Recording) -> list[str]:

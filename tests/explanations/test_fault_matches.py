@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from emacm import Motor, fault_orders, match_fault_orders
+from emacm import Bearing, Gear, Motor, fault_orders, match_fault_orders
 
 
 def explained(lows, shares, width=1.0):
@@ -46,3 +46,10 @@ def test_an_invalid_explanation_or_order_is_refused():
         match_fault_orders(table.drop(columns="share"), {"BPFI": 6.1})
     with pytest.raises(ValueError, match="slip"):
         match_fault_orders(table, {"BPFI": 6.1}, slip=1.0)
+
+
+def test_bins_of_harmonics_and_sidebands_belong_to_their_part():
+    table = explained([4.4, 14.3, 17.0], [0.5, 0.3, 0.2], width=0.1)
+    orders = fault_orders(Bearing(9, 7.94, 39.04), Gear(18, 67), harmonics=4, sidebands=1)
+    matched = match_fault_orders(table, orders, slip=0.005)
+    assert matched["fault"].tolist() == ["BPFI-shaft", "4xBPFO", "mesh-pinion"]

@@ -123,3 +123,26 @@ def test_a_line_of_no_part_has_no_owner():
     assert line.fault == ""
     assert [*raised(SHAFT, SHAFT | {3.57: 0.1}, BEARING)] == [("BPFO", "1x")]
     assert [*raised(SHAFT, SHAFT | {4 * 3.57: 0.1}, BEARING)] == [("", "")]  # a coincidence
+
+
+@pytest.mark.parametrize("order", [3.53, 3.555, 3.5848, 3.62, 3.64])
+def test_high_harmonics_belong_to_their_part_at_any_slip(order):
+    harmonics = order * np.arange(1, 6)
+    axis, (psd,) = spectra([turning(dict.fromkeys(harmonics, 0.1), 1)])
+    parts = PartLines(LineSpectrum(axis, psd), BEARING)
+    places = np.rint(harmonics / axis[1]) * axis[1]
+    assert parts.owners(places) == [("BPFO", f"{k}x") for k in range(1, 6)]
+
+
+@pytest.mark.parametrize("order", [3.57, 5.40])
+def test_lines_with_random_slip_belong_to_their_part(order):
+    rng = np.random.default_rng(0)
+    turns = 200 * np.arange(40_000) / 40_000
+    phase = order * turns + 0.002 * np.cumsum(rng.normal(size=len(turns)))
+    wave = sum(np.sin(2 * np.pi * k * phase) for k in range(1, 5)) + rng.normal(size=len(turns))
+    axis, psd = spectra([Recording({"vib": wave}, 1000, velocity=10 * np.pi)])
+    spectrum = LineSpectrum(axis, psd[0])
+    rise = np.where(spectrum.heights > 12, 20.0, 0.0)  # dB
+    found = raised_lines(spectrum, rise, np.full(len(axis), 3.0), PartLines(spectrum, BEARING))
+    name = {3.57: "BPFO", 5.40: "BPFI"}[order]
+    assert [(line.fault, line.line) for line in found] == [(name, f"{k}x") for k in (1, 2, 3, 4)]
