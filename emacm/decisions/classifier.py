@@ -78,9 +78,9 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
         priors. "groups": the value of least log loss for groups that are left out. None: 1.
     unknown_rate : None or float, default=None
         Accepted mean share of known recordings whose most probable state is the unknown one: those
-        with a typicality of at most this rate. It holds for recordings of units like those left
-        out. The prior of the unknown state follows from it, without costs, unless `priors` state
-        that prior; see the notes. Needs `unknown`.
+        with a typicality of at most `unknown_limit_`. It holds for recordings of units like those
+        left out. The prior of the unknown state follows from it, without costs, unless `priors`
+        state that prior; see the notes. Needs `unknown`.
 
     Attributes
     ----------
@@ -96,6 +96,8 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
         Prior probabilities of the classes, given that one of them is true.
     unknown_prior_ : float
         Prior probability of the unknown state.
+    unknown_limit_ : float or None
+        `unknown_rate`, less one standard error of its mean over the groups that were left out.
     temperature_ : float
         Temperature in effect.
     class_count_ : ndarray of shape (n_classes,)
@@ -124,7 +126,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
 
     No probability depends on costs. With `unknown_rate`, the rank of a recording among those left
     out decides whether the unknown state is the most probable one: its probability is at least 1/2
-    for a typicality of at most `unknown_rate`, and about twice this rate for all other recordings
+    for a typicality of at most `unknown_limit_`, and about twice this limit for all others
     (`emacm.decisions.typicality.evidence_for_unknown`). Costs then decide by the risk, as
     everywhere: where looking is cheap, "inspect" is decided before that. Of "unknown" and
     "inspect" at the same cost, "unknown" is decided where it is the most probable state.

@@ -50,7 +50,7 @@ class LeastRiskMixin:
     priors: Any
     classes_: NDArray[Any]
     unknown: Any = None
-    unknown_rate: Any = None
+    unknown_limit_: Any = None
     typicality: Any
 
     @property
@@ -80,7 +80,7 @@ class LeastRiskMixin:
     def unknown_prior_(self) -> float:
         """Prior probability in effect of the unknown state; 0 if there is none.
 
-        That of `priors`; or else the one that follows from `unknown_rate`, without costs
+        That of `priors`; or else the one that follows from `unknown_limit_`, without costs
         (`emacm.decisions.typicality.prior_for_rate`); or else 0.01.
         """
         return self._truth_priors()[1]
@@ -107,7 +107,7 @@ class LeastRiskMixin:
         """
         if typicality is None:
             typicality = self.typicality(X)
-        return unknown_probability(typicality, self.unknown_prior_, self.unknown_rate)
+        return unknown_probability(typicality, self.unknown_prior_, self.unknown_limit_)
 
     def predict_proba(self, X):
         """Return the posterior probability of each class, Eq. (2.42).
@@ -226,7 +226,7 @@ class LeastRiskMixin:
     @property
     def _unknown_default(self) -> float:
         """Prior of the unknown state where `priors` do not state it."""
-        return 0.01 if self.unknown_rate is None else prior_for_rate(self.unknown_rate)
+        return 0.01 if self.unknown_limit_ is None else prior_for_rate(self.unknown_limit_)
 
     def _truth_priors(self) -> tuple[Array, float]:
         parts = self.priors, self.classes_, self._frequencies, self.unknown
@@ -272,9 +272,9 @@ class CombinedRiskMixin(LeastRiskMixin):
         return self._agreed("unknown")
 
     @property
-    def unknown_rate(self):
-        """Accepted share of known recordings that are called unknown, as of those inside."""
-        return self._agreed("unknown_rate")
+    def unknown_limit_(self):
+        """Typicality up to which a recording is most probably unknown; None without a rate."""
+        return self._agreed("unknown_limit_")
 
     @property
     def _unknown_default(self) -> float:
@@ -288,8 +288,9 @@ class CombinedRiskMixin(LeastRiskMixin):
         first = next(iter(found.values()), None)
         if any(value != first for value in found.values()):
             raise ValueError(
-                f"all members must have the same {name}, or none, but they have {found}. A member "
-                f"that knows of no unknown state would decide on recordings of a dead channel."
+                f"members have different {name}: {found}. Give all the same unknown= and "
+                f"unknown_rate=, or none: a member that knows of no unknown state would decide on "
+                f"recordings of a dead channel."
             )
         return first
 

@@ -337,7 +337,7 @@ def test_a_stated_share_of_known_recordings_of_new_units_is_called_unknown():
     model = CostSensitiveGaussianBayes(unknown="unknown", covariance="tied", unknown_rate=0.1)
     model.fit(X, y, groups=units)
     new, _, _ = draw(5, n_units=200)
-    rare = model.typicality(new) <= 0.1
+    rare = model.typicality(new) <= model.unknown_limit_
     np.testing.assert_array_equal(model.predict(new) == "unknown", rare)
     assert np.mean(rare) == pytest.approx(0.1, abs=0.03)
     fewer = model.set_params(unknown_rate=0.02).predict(new)
