@@ -13,6 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._statements import Statement
 from emacm.decisions.pipelines import search_estimator
+from emacm.explanations.deviations import second_state_statement
 from emacm.findings.quality import Quality
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
@@ -193,11 +194,17 @@ class StreamedModel:
         known = self.resampler.training_range_
         outside = known.outside(quality, {})
         defects = known.unusual(quality) + [stated for stated in outside if stated.severe] + lines
+        decided = self._decided(table)
+        if hasattr(self.classifier, "second_states"):
+            (second,) = self.classifier.second_states(table, [decided["decision"]])
+            if second is not None:
+                text = second_state_statement(decided["decision"], second)
+                lines.append(Statement("second state", "", text))
         return Reading(
             start,
             time,
             np.asarray(table)[0],
-            **self._decided(table),
+            **decided,
             outside_training=tuple(outside or lines),
             complete=complete,
             defects=tuple(defects) if complete else (),
