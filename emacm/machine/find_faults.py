@@ -109,7 +109,8 @@ def find_faults(
           or that another speed or geometry would explain; "none" if a fault is named,
         - the name of each fault: its score [dB], the mean level of its lines above the local
           background, minus that of background alone (1 to 3 dB, because the best slip is chosen);
-          NaN if the spectrum does not resolve its lowest line, which is then not named,
+          NaN if the spectrum, or that of `healthy`, does not resolve its lowest line: it is then
+          not named,
         - "p(<fault>)": probability of a score at least as high in background alone, not
           smaller than 1/2001,
         - "slip": deviation of the lines from their predicted orders, of the fault named or, if
@@ -379,10 +380,10 @@ class _Case:
 
 
 def _compared(faults: list[Fault], healthy: Mapping[str, float] | None) -> list[Fault]:
-    """Return faults with their highest score in healthy recordings; without one, none is named."""
+    """Return the faults that were measured in healthy recordings too, with the highest score."""
     if healthy is None:
         return faults
-    return [fault._replace(healthy=healthy.get(fault.name, np.inf)) for fault in faults]
+    return [f._replace(healthy=healthy[f.name]) for f in faults if f.name in healthy]
 
 
 def _defect(case: _Case) -> _Finding | None:

@@ -18,7 +18,7 @@ from emacm import (
     bearing_recipe,
     find_faults,
 )
-from emacm.machine.find_faults import healthy_scores
+from emacm.machine.find_faults import NamingSettings, healthy_scores
 
 FS = 12_000
 BEARING = Bearing(9, 7.94, 39.04)  # 6205
@@ -214,6 +214,12 @@ def test_machines_without_a_fault_are_rarely_named():
 def test_without_a_threshold_the_highest_score_is_named():
     found = find_faults([running(seed=3)], BEARING, false_alarm=1).iloc[0]
     assert found["named"] == found[["BPFO", "BPFI", "BSF"]].astype(float).idxmax()
+
+
+def test_a_fault_below_the_limit_that_is_set_is_suspected():
+    found = find_faults([running("BPFO")], BEARING, settings=NamingSettings(named=40.0)).iloc[0]
+    assert (found["named"], found["suspected"]) == ("none", "BPFO")
+    assert "is below 40.0 dB" in found["explanation"]
 
 
 @pytest.mark.slow
