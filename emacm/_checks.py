@@ -26,13 +26,8 @@ def located(where: str | Callable[[], str]) -> Iterator[None]:
     try:
         yield
     except (TypeError, ValueError) as error:
-        raise located_error(error, where if isinstance(where, str) else where()) from error
-
-
-def located_error(error: Exception, where: str) -> Exception:
-    """Return the same error with `where` in front of its message."""
-    kind = TypeError if isinstance(error, TypeError) else ValueError
-    return kind(f"{where}: {error}")
+        kind = TypeError if isinstance(error, TypeError) else ValueError
+        raise kind(f"{where if isinstance(where, str) else where()}: {error}") from error
 
 
 def check_real_array(values: ArrayLike, name: str) -> NDArray[np.floating]:
