@@ -26,15 +26,11 @@ def located(where: str | Callable[[], str]) -> Iterator[None]:
     try:
         yield
     except (TypeError, ValueError) as error:
-        raise located_error(error, where if isinstance(where, str) else where()) from error
-
-
-def located_error(error: Exception, where: str) -> Exception:
-    """Return the same error with `where` in front of its message, and as its `place`."""
-    kind = TypeError if isinstance(error, TypeError) else ValueError
-    located_one: Any = kind(f"{where}: {error}")
-    located_one.place = where
-    return located_one
+        place = where if isinstance(where, str) else where()
+        kind = TypeError if isinstance(error, TypeError) else ValueError
+        located_error: Any = kind(f"{place}: {error}")
+        located_error.place = place
+        raise located_error from error
 
 
 def check_real_array(values: ArrayLike, name: str) -> NDArray[np.floating]:

@@ -12,8 +12,8 @@ os.environ["MPLBACKEND"] = "Agg"  # before an example imports matplotlib
 
 PUBLIC_MODULES = ["emacm", "emacm.monitoring", "emacm.displays", "emacm.simulation"]
 PUBLIC_MODULES += ["emacm.datasets", "emacm.shaft"]
-PAGES_WITHOUT_CHILDREN = ["index", "installation", "terms", "limits", "compositions", "evidence", "comparison"]
-PAGES_WITHOUT_CHILDREN += ["contributing", "cite", "changes"]
+PAGES_WITHOUT_CHILDREN = ["index", "installation", "terms", "limits", "evidence", "comparison"]
+PAGES_WITHOUT_CHILDREN += ["compositions", "contributing", "cite", "changes"]
 
 # Pages of packages; their addresses follow from the name: no inventory is needed.
 PAGES = {

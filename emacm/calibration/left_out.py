@@ -65,10 +65,10 @@ def left_out(
         yield from GroupKFold(n_folds).split(codes, groups=numbers)
 
 
-def single_recordings(codes: Indices, X: Array, max_folds: int = 10) -> Indices:
+def single_recordings(codes: Indices, X: Array) -> Indices:
     """Return the groups of recordings of which nothing is stated.
 
-    The recordings of each class are divided among the folds. Equal rows of a table are together.
+    The recordings of each class are divided among ten folds. Equal rows of a table are together.
 
     Parameters
     ----------
@@ -76,8 +76,6 @@ def single_recordings(codes: Indices, X: Array, max_folds: int = 10) -> Indices:
         Number of the class of each recording.
     X : ndarray of shape (n_recordings, n_features)
         Features.
-    max_folds : int, default=10
-        Number of groups.
 
     Returns
     -------
@@ -89,7 +87,7 @@ def single_recordings(codes: Indices, X: Array, max_folds: int = 10) -> Indices:
     array([1, 0, 1])
     """
     rows = np.column_stack([codes, X])
-    return np.unique(rows, axis=0, return_inverse=True)[1].ravel() % max_folds
+    return np.unique(rows, axis=0, return_inverse=True)[1].ravel() % 10
 
 
 def check_judged(judged: NDArray[np.bool_]) -> None:
@@ -223,9 +221,7 @@ def student_tail(values: Array, weight: Array, expected: float | None = None) ->
     return StudentTail(values, weight_from, peaks, 0.2, n_expected)
 
 
-def peaks_over_threshold(
-    values: Array, weight: Array, expected: float, n_expected: float, share: float = 0.2
-) -> Peaks:
+def peaks_over_threshold(values: Array, weight: Array, expected: float, n_expected: float) -> Peaks:
     """Return the mean excess of the largest fifth of some values.
 
     The estimate of few peaks is uncertain by as much as 100 %. It is therefore combined with an
@@ -241,8 +237,6 @@ def peaks_over_threshold(
         Expected mean excess.
     n_expected : float
         Number of peaks that it counts as.
-    share : float, default=0.2
-        Largest fraction of the weight above the threshold.
 
     Returns
     -------
@@ -257,7 +251,7 @@ def peaks_over_threshold(
     values, weight = values[order], weight[order]
     # The least value above which at most a fifth of the weight lies.
     above = weight.sum() - np.cumsum(weight)
-    threshold = float(values[np.argmax(above <= share * weight.sum() * (1 + 1e-12))])
+    threshold = float(values[np.argmax(above <= 0.2 * weight.sum() * (1 + 1e-12))])
     beyond = values > threshold
     n_peaks = float(weight[beyond].sum())
     excess = float(weight[beyond] @ (values[beyond] - threshold))

@@ -206,7 +206,14 @@ def _unit_weights(
     """
     codes, per_unit = np.unique(units[is_faulty], return_inverse=True, return_counts=True)[1:]
     n_units = len(per_unit)
-    check_units(n_units, rate, confidence)
+    needed = int(np.ceil(np.log1p(-confidence) / np.log1p(-rate) - 1e-9))
+    if n_units < needed:
+        lowest = 1 - (1 - confidence) ** (1 / max(n_units, 1))
+        raise ValueError(
+            f"{n_units} units with faults cannot prove a missed detection rate of {rate:g} with "
+            f"confidence {confidence:g}: even if none is missed, the rate may be as high as "
+            f"{lowest:.3g}. It takes {needed} units."
+        )
     weight = np.zeros(len(units))
     weight[is_faulty] = 1 / (n_units * per_unit[codes])
     exact = bool((per_unit == 1).all())
@@ -287,15 +294,3 @@ def largest_missed(n_units: int, rate: float, confidence: float, *, exact: bool 
         return (int(np.count_nonzero(probabilities <= level)) - 1) / n_units
     expected = np.cumsum(probabilities)  # E (t - B)+
     return float(np.max(t - expected / level)) / n_units
-
-
-def check_units(n_units: int, rate: float, confidence: float) -> None:
-    """Raise a ValueError if so many units cannot prove a rate, even if none is missed."""
-    needed = int(np.ceil(np.log1p(-confidence) / np.log1p(-rate) - 1e-9))
-    if n_units < needed:
-        lowest = 1 - (1 - confidence) ** (1 / max(n_units, 1))
-        raise ValueError(
-            f"{n_units} units with faults cannot prove a missed detection rate of {rate:g} with "
-            f"confidence {confidence:g}: even if none is missed, the rate may be as high as "
-            f"{lowest:.3g}. It takes {needed} units."
-        )

@@ -94,11 +94,9 @@ class Verification:
     def to_html(self) -> str:
         """Return table and facts as a page."""
         facts = pd.Series(self.facts()).to_frame().to_html(header=False)
+        answers = self._as_text().to_html(index=False)
         title = "Known values, computed again by emacm"
-        return plain_page(title, f"<p>{self.summary}</p>{self._repr_html_()}{facts}")
-
-    def _repr_html_(self) -> str:
-        return self._as_text().to_html(index=False)
+        return plain_page(title, f"<p>{self.summary}</p>{answers}{facts}")
 
     def _as_text(self) -> pd.DataFrame:
         digits = {"expected": 6, "computed": 6, "difference": 2, "tolerance": 2}

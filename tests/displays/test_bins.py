@@ -62,13 +62,3 @@ def test_a_pipeline_draws_its_bins_and_its_stop_bands():
     assert [text.get_text() for text in panels[0].texts] == ["screw"]
     assert len(panels[1].lines) == 2  # the powers; the mark again, without its name
     assert not panels[1].texts
-
-
-def test_named_bands_are_drawn_by_their_names():
-    (ax,) = axes()
-    named = pd.DataFrame([[1.0, 2.0]], columns=["a@BPFI", "a@second harmonic of the screw"])
-    OrderBinsDisplay.from_table(named, fault_orders={"BPFI": 1.0}, ax=ax)
-    names = [label.get_text().replace("\n", " ") for label in ax.get_xticklabels()]
-    assert names == ["BPFI", "second harmonic of the screw"]
-    assert ax.get_xlabel() == "order bin"
-    assert not ax.texts  # there is no order axis to mark one on

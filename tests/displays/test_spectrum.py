@@ -79,9 +79,3 @@ def test_a_pipeline_with_an_envelope_detector_draws_envelope_spectra(squared, un
     assert display.frame().iloc[10:, 0].idxmax() == pytest.approx(2.7)
     names = [text.get_text() for text in ax.get_legend().get_texts()]
     assert names == ["all recordings"]
-
-
-def test_lines_are_drawn_at_their_orders(ax):
-    orders = np.array([0, 0.4, 0.8, 1.2])
-    OrderSpectrumDisplay(orders, {"a": [9.0, 1.0, 10.0, 1000.0]}, max_order=1.1).plot(ax=ax)
-    assert np.allclose(ax.lines[0].get_xydata(), [[0.4, 0], [0.8, 10]])

@@ -189,47 +189,6 @@ def test_without_directions_a_recording_of_one_direction_has_all_columns(kind):
     assert np.isfinite(table).all()
 
 
-@kinds
-def test_a_missing_channel_is_named(kind):
-    other = Recording({"current": np.arange(9.0)}, 1, angle=np.arange(9.0), meta={"unit": 5})
-    with pytest.raises(ValueError, match=r"recording 1 \(unit=5\) has no channel 'position'"):
-        clone(kind).fit([FLEET[0], other])
-    with pytest.raises(ValueError, match=r"recording 0 \(unit=5\) has no channel 'position'"):
-        clone(kind).fit(FLEET).transform([other])
-
-
-@kinds
-def test_a_channel_too_many_is_named_unless_channels_are_chosen(kind):
-    more = Recording(
-        {**FLEET[0].signals, "noise": FLEET[0].signals["current"]},
-        {**FLEET[0].fs, "noise": 500},
-        angle=FLEET[0].angle,
-        shaft_fs=500,
-    )
-    with pytest.raises(ValueError, match="recording 1 has a channel 'noise' besides"):
-        clone(kind).fit([FLEET[0], more])
-    chosen = clone(kind).set_params(channels=["current"]).fit([FLEET[0], more])
-    table = chosen.transform([FLEET[0], more])
-    np.testing.assert_array_equal(table[0], table[1])
-
-
-@pytest.mark.parametrize(
-    ("X", "error", "message"),
-    [
-        (FLEET[0], TypeError, r"got a single one; write \[recording\]"),
-        ([], ValueError, "X contains no recording"),
-        ([FLEET[0], np.zeros(5)], TypeError, "entry 1 of X .* got a ndarray"),
-        ("current", TypeError, "a list of recordings, got 'current'"),
-        (iter(FLEET), TypeError, "got a list_iterator.*It can be read only once; write list"),
-        (5, TypeError, "a list of recordings, got 5"),
-    ],
-)
-@kinds
-def test_what_is_no_list_of_recordings_is_refused(kind, X, error, message):
-    with pytest.raises(error, match=message):
-        clone(kind).fit(X)
-
-
 @pytest.mark.parametrize(
     ("parameters", "error", "message"),
     [
