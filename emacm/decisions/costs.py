@@ -110,8 +110,7 @@ def cost_table(
         for row, decision in enumerate(rows):
             if decision not in truths and (decision, unknown) not in stated:
                 matrix[row, -1] = 1.0 if names_states[row] else matrix[row, :-1].max()
-        keys = zip(~others, matrix[:, -1], ~names_states, strict=True)
-        cheapest = min(enumerate(keys), key=lambda pair: pair[1])[0]
+        cheapest = np.lexsort((~names_states, matrix[:, -1], ~others))[0]  # a class, if as cheap
         if not names_states[cheapest]:  # an inspection
             is_default = [(unknown, truth) not in stated for truth in truths]
             matrix[rows.index(unknown), is_default] = matrix[cheapest, is_default]

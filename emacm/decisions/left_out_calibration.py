@@ -69,6 +69,10 @@ class LeftOutMixin(LeastRiskMixin):
     _typicality: Typicality | None = None
     _temperature: float | None = None
     _left_out: LeftOut | None = None
+    _checked_features: Any
+    # (X, codes, units, weight, X_left): log densities of left-out recordings under classes fitted
+    # to the others, shape (n_left, n_classes); -inf for classes of which too few others remain.
+    _densities_without: Any
 
     @property
     def temperature_(self) -> float:
@@ -101,15 +105,6 @@ class LeftOutMixin(LeastRiskMixin):
         """Smallest and largest training value of each feature, shape (2, n_features)."""
         return self._calibrated("typicality").feature_range
 
-    def _densities_without(
-        self, X: Array, codes: Indices, units: Indices, weight: Array, X_left: Array
-    ) -> Array:
-        """Return log densities of left-out recordings under classes fitted to the others.
-
-        Shape (n_left, n_classes); -inf for classes of which too few others remain.
-        """
-        raise NotImplementedError
-
     def _leave_out(self, X: Array, codes: Indices, groups: Any, weight: Array) -> None:
         """Set what is found by leaving each group out; without groups, single recordings."""
         rows = np.flatnonzero(weight > 0)
@@ -137,12 +132,6 @@ class LeftOutMixin(LeastRiskMixin):
             check_judged(judged)
             some = logs[judged], codes[judged], weight[judged]
             self._temperature = fit_temperature(*some, self.class_count_ / self.class_count_.sum())
-
-    def _left_out_posterior(self, rows: NDArray[np.bool_]) -> Array:
-        """Return posterior probabilities of left-out recordings, for the present priors."""
-        log_priors = np.log(np.maximum(self.priors_, np.finfo(np.float64).tiny))
-        joint = self._calibrated("left_out").log_densities[rows] / self.temperature_ + log_priors
-        return softmax(joint, axis=1)
 
     def typicality(self, X):
         """Return the fraction of left-out training recordings that are at least as far away.
@@ -218,8 +207,9 @@ class LeftOutMixin(LeastRiskMixin):
         """
         left = self._calibrated("left_out")
         rows = left.judged
-        posterior = self._left_out_posterior(rows)
-        truths = self.truth_proba(None, posterior, left.typicality[rows])
+        log_priors = np.log(np.maximum(self.priors_, np.finfo(np.float64).tiny))
+        joint = left.log_densities[rows] / self.temperature_ + log_priors
+        truths = self.truth_proba(None, softmax(joint, axis=1), left.typicality[rows])
         return pd.DataFrame(
             {
                 "truth": self.classes_[left.codes[rows]],
@@ -228,9 +218,6 @@ class LeftOutMixin(LeastRiskMixin):
                 "group": left.units[rows],
             }
         )
-
-    def _checked_features(self, X: Any) -> Array:
-        raise NotImplementedError
 
     @property
     def _frequencies(self):

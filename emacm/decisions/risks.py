@@ -52,6 +52,7 @@ class LeastRiskMixin:
     unknown: Any = None
     unknown_limit_: Any = None
     typicality: Any
+    _frequencies: Any  # how often each class is expected where `priors` are None
 
     @property
     def truths_(self) -> NDArray[Any]:
@@ -219,11 +220,6 @@ class LeastRiskMixin:
         return cost_table(self.cost, self.classes_, self.unknown)
 
     @property
-    def _frequencies(self) -> Array:
-        """How often each class is expected where `priors` are None, shape (n_classes,)."""
-        raise NotImplementedError
-
-    @property
     def _unknown_default(self) -> float:
         """Prior of the unknown state where `priors` do not state it."""
         return 0.01 if self.unknown_limit_ is None else prior_for_rate(self.unknown_limit_)
@@ -261,10 +257,7 @@ class CombinedRiskMixin(LeastRiskMixin):
     channel is dead does not decide. All classifiers must have the same unknown state, or none.
     """
 
-    @property
-    def _inside(self) -> dict[str, Any]:
-        """Return the classifiers or pipelines by name; before `fit`, those that were given."""
-        raise NotImplementedError
+    _inside: Any  # classifiers or pipelines by name; before `fit`, those that were given
 
     @property
     def unknown(self):

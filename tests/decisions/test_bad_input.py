@@ -13,7 +13,6 @@ from emacm import (
     OrderPSD,
     OrderResampler,
     expected_cost,
-    neg_expected_cost,
 )
 
 
@@ -22,45 +21,6 @@ def masked_features():
 
 
 CASES = [
-    Case(
-        "an unknown class in costs",
-        lambda: classifier(cost={("healthy", "broken"): 3}),
-        V,
-        "cost",
-        "'broken'",
-        "unknown",
-        "['healthy', 'worn']",
-    ),
-    Case(
-        "an unknown covariance",
-        lambda: classifier(covariance="round"),
-        V,
-        "covariance",
-        "'full', 'tied', 'diag'",
-        "'round'",
-    ),
-    Case(
-        "shrinkage above one", lambda: classifier(shrinkage=2), V, "shrinkage", "at most 1", "got 2"
-    ),
-    Case(
-        "unknown shrinkage",
-        lambda: classifier(shrinkage="best"),
-        V,
-        "shrinkage",
-        "'oas', 'auto'",
-        "'best'",
-    ),
-    Case(
-        "singular classes with a number",
-        lambda: CostSensitiveGaussianBayes(shrinkage=0).fit(
-            features()[0][:, [0, 0]], features()[1]
-        ),
-        V,
-        "'healthy', 'worn'",
-        "singular",
-        "shrinkage=0",
-        "oas",
-    ),
     Case(
         "y of wrong length",
         lambda: CostSensitiveGaussianBayes().fit(features()[0], ["healthy"] * 3),
@@ -141,13 +101,6 @@ CASES = [
         "'b'",
         "position 0",
         "['a']",
-    ),
-    Case(
-        "a score without a cost",
-        lambda: neg_expected_cost(object(), [], []),
-        T,
-        "cost_",
-        "make_scorer",
     ),
 ]
 

@@ -6,7 +6,7 @@ import pytest
 from sklearn.naive_bayes import GaussianNB
 
 from emacm import CostSensitiveGaussianBayes, LeastRiskClassifier, PosteriorProduct
-from emacm.decisions.truths import label_list, label_positions
+from emacm.decisions.truths import label_list
 
 X = np.array([[0.0, 2.0], [1.0, 0.5], [2.0, 1.0], [4.0, 3.0], [6.0, 2.5]])
 MISSING = [None, np.nan, pd.NA]
@@ -42,13 +42,3 @@ def test_text_and_numbers_are_not_mixed(fit):
 def test_labels_form_one_dimension():
     with pytest.raises(ValueError, match=r"y must be one-dimensional, got shape \(1, 2\)"):
         label_list([["a", "b"]])
-
-
-def test_positions_are_those_among_the_known_labels():
-    assert label_positions(["worn", "new", "worn"], ["new", "dry", "worn"], "y", "class") == [
-        2,
-        0,
-        2,
-    ]
-    with pytest.raises(ValueError, match=r"y contains 'wet' at position 1.*Known: \['new'\]"):
-        label_positions(["new", "wet"], ["new"], "y", "class")

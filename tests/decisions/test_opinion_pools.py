@@ -43,19 +43,6 @@ def test_members_with_different_priors_agree_once_their_priors_are_divided_out()
     )
 
 
-def test_one_member_of_the_shared_prior_stays_as_it_is():
-    logs = normal(np.random.default_rng(1), 30, 3)
-    prior = np.array([0.2, 0.3, 0.5])
-    np.testing.assert_allclose(pooled_log_posterior([logs], [prior], prior), logs, rtol=1e-12)
-
-
-def test_two_copies_of_one_member_square_the_odds_of_its_evidence():
-    one = np.log([[0.2, 0.8]])
-    np.testing.assert_allclose(
-        np.exp(np.diff(pooled_log_posterior([one, one], [HALF, HALF], HALF))), 16.0, rtol=1e-13
-    )
-
-
 def test_certain_contradictions_cancel_and_leave_the_prior():
     certain = np.array([[0.0, -np.inf]])
     pooled = pooled_log_posterior([certain, certain[:, ::-1]], [HALF, HALF], [0.3, 0.7])

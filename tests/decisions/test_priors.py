@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from emacm.decisions.truths import check_possible, class_priors
+from emacm.decisions.truths import class_priors
 
 CLASSES, COUNTS = np.array(["dry", "new", "worn"]), np.array([1.0, 6.0, 3.0])
 
@@ -43,13 +43,3 @@ def test_every_form_gives_probabilities_in_the_order_of_the_classes(priors, expe
 def test_priors_that_are_no_distribution_over_the_classes_are_refused(priors, message):
     with pytest.raises(ValueError, match=re.escape(message)):
         class_priors(priors, CLASSES, COUNTS)
-
-
-def test_a_class_with_a_prior_is_possible_for_the_estimator():
-    own, shares = np.array([0.5, 0.0, 0.5]), np.array([0.3, 0.3, 0.4])
-    message = "tree has the prior 0 of class 'new', .* priors give it 0.3. Give tree another"
-    with pytest.raises(ValueError, match=message):
-        check_possible(shares, own, CLASSES, "tree")
-    with pytest.raises(ValueError, match=r"^estimator has the prior 0"):
-        check_possible(shares, own, CLASSES)
-    check_possible(np.array([1.0, 0.0, 0.0]), own, CLASSES)

@@ -36,13 +36,6 @@ def normalised(scores):
     return weights / weights.sum(axis=1, keepdims=True)
 
 
-@given(st.integers(1, 5).flatmap(posteriors))
-@settings(max_examples=40)
-def test_zero_one_decisions_are_those_of_the_plain_formula(posterior):
-    cost = 1 - np.eye(posterior.shape[1])
-    np.testing.assert_array_equal(decide(posterior, cost), plain_decision(posterior, cost))
-
-
 @given(posteriors(3), arrays(float, (4, 3), elements=st.integers(-3, 3).map(float)))
 @settings(max_examples=40)
 def test_decisions_are_those_of_the_plain_formula(posterior, cost):

@@ -13,7 +13,6 @@ from emacm.decisions.metrics import neg_expected_cost
 from emacm.decisions.new_units import NewUnitClassifier
 from emacm.decisions.posterior_product import PosteriorProduct
 from emacm.decisions.truths import truth_labels, truth_priors
-from emacm.decisions.typicality import unknown_probability
 
 NAMES = np.array(["worn", "healthy", "dry"])
 PLACES = np.array([[6.0, 0, 0, 1], [0, 0, 0, 0], [0, 5.0, 1, 0]])
@@ -98,14 +97,8 @@ def test_the_risk_is_the_cost_weighted_by_all_truths():
     np.testing.assert_allclose(model.risk(X), truth @ model.cost_.T, rtol=1e-12)
     np.testing.assert_array_equal(model.truths_, ["dry", "healthy", "worn", "unknown"])
     np.testing.assert_array_equal(model.decisions_, model.truths_)
+    assert model.unknown_prior_ == 0.01
     assert model.cost_[1, 3] == 7
-
-
-def test_the_probability_follows_from_typicality_and_prior():
-    model = fitted()
-    X = np.vstack([draw(4)[0], FAR])
-    expected = unknown_probability(model.typicality(X), 0.01)
-    np.testing.assert_array_equal(model.unknown_proba(X), expected)
 
 
 @pytest.mark.parametrize(("covariance", "shrinkage"), KINDS)
