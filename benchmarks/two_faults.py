@@ -62,9 +62,11 @@ def outcomes(severity: tuple[float, float], seed: int, n_units: int) -> list[np.
     single = simulate_fleet(n_units, 2, severity=severity, seed=seed, first_unit=500)[0]
     found = []
     for recordings in (single, with_two_faults(3 * n_units, severity, seed)):
-        scored = emacm.score(model, recordings)
-        unknown = scored["decision"] == "unknown"
-        stated = scored["outside_training"].str.contains("does not explain") & ~unknown
+        features = model[:-1].transform(recordings)
+        decisions = model[-1].predict(features)
+        second = model[-1].second_states(features, decisions)
+        unknown = decisions == "unknown"
+        stated = np.array([state is not None for state in second]) & ~unknown
         found.append(np.array([unknown.mean(), stated.mean(), (~unknown & ~stated).mean()]))
     return found
 

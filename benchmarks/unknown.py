@@ -79,6 +79,7 @@ from emacm import (
     OrderResampler,
     Statement,
     actuator_recipe,
+    outside_training,
     score,
 )
 from emacm.datasets import load_cranfield
@@ -274,9 +275,11 @@ def load_left_out(file: Path, *, quick: bool) -> pd.DataFrame:
             states[train],
             costsensitivegaussianbayes__groups=runs[train],
         )
-        found = score(model, [recordings[i] for i in test])
+        held_out = [recordings[i] for i in test]
+        found = score(model, held_out)
         decided = (found["decision"] != "unknown").to_numpy()
-        stated = found["outside_training"].str.contains(f"load {load}, in the training").to_numpy()
+        outside = outside_training(model, held_out)
+        stated = np.array([any(s.kind == "condition" for s in own) for own in outside])
         families = [
             pd.Series(x).str.rstrip("0123456789").to_numpy()
             for x in (found["decision"], states[test])

@@ -148,6 +148,13 @@ def test_a_table_forgets_its_names_when_its_columns_are_permuted_in_place(change
         BinTransformer(max_order=2).fit(X)
 
 
+def test_a_view_with_exchanged_axes_leaves_the_table_its_names():
+    X = table()
+    assert column_names(np.swapaxes(X, 0, 1)) is None
+    assert column_names(X) == COLUMNS
+    assert BinTransformer(max_order=0.5).fit_transform(X).shape == (4, 1)
+
+
 def test_joblib_hashes_equal_tables_alike():
     assert joblib.hash(table()) == joblib.hash(table())
 
