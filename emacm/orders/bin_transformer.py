@@ -147,8 +147,9 @@ class BinTransformer(OrderTableTransformer):
     def known_lines_(self) -> KnownLines:
         """Spectral lines of the training."""
         check_is_fitted(self)
-        if self._trained_on is not None:
-            psd, codes = self._trained_on
+        training = self._trained_on
+        if training is not None:  # another thread may be here, too
+            psd, codes = training
             within_bins = np.asarray(self.operator_.sum(axis=0)).ravel() > 0
             self._lines = KnownLines.of(psd, self._axes(), within_bins, codes)
             self._trained_on = None

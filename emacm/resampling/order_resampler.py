@@ -200,8 +200,8 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
     def training_range_(self) -> TrainingRange:
         """Range of the recordings of `fit`."""
         check_is_fitted(self)
-        if self._trained_on is not None:
-            rows = self._trained_on
+        rows = self._trained_on
+        if rows is not None:  # another thread may be here, too
             qualities = run(recording_quality, rows, n_jobs=self.n_jobs)
             self._range = TrainingRange.of(qualities, (row.meta for row in rows))
             self._trained_on = None
