@@ -262,6 +262,11 @@ class CombinedRiskMixin(LeastRiskMixin):
     @property
     def unknown(self):
         """Label of the unknown state of the classifiers inside; None if they have none."""
+        for final in map(final_estimator, self._inside.values()):
+            states = len(getattr(final, "truths_", ())) - len(getattr(final, "classes_", ()))
+            if states > 0 and not hasattr(final, "unknown"):  # as of a router
+                kind = f"{type(self).__name__} inside {type(final).__name__}"
+                raise ValueError(f"the unknown state would be lost. Put {kind}, not around it.")
         return self._agreed("unknown")
 
     @property
