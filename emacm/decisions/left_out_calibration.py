@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.special import softmax
 from sklearn.exceptions import NotFittedError
 from sklearn.utils.validation import check_is_fitted
@@ -36,10 +35,12 @@ def check_temperature(temperature: Any) -> None:
 class LeftOut(NamedTuple):
     """Training recordings, judged by classifiers that were fitted without their groups.
 
+    Only those of classes of which others remained.
+
     Attributes
     ----------
     typicality : ndarray of shape (n_recordings,)
-        NaN if no other recordings of the class remained.
+        Of each recording.
     log_densities : ndarray of shape (n_recordings, n_classes)
         -inf for classes of which no other recordings remain.
     codes, units : ndarray of int, shape (n_recordings,)
@@ -50,11 +51,6 @@ class LeftOut(NamedTuple):
     log_densities: Array
     codes: Indices
     units: Indices
-
-    @property
-    def judged(self) -> NDArray[np.bool_]:
-        """Whether other recordings of the true class remained, shape (n_recordings,)."""
-        return np.isfinite(self.log_densities[np.arange(len(self.codes)), self.codes])
 
 
 class LeftOutMixin(LeastRiskMixin):
@@ -92,7 +88,7 @@ class LeftOutMixin(LeastRiskMixin):
         """
         if self.unknown_rate is None:
             return None
-        n_groups = len(np.unique(self._calibrated("left_out").units))
+        n_groups = len(np.unique(self._calibrated("left_out").units)) or 1
         return self.unknown_rate / (1 + n_groups**-0.5)
 
     @property
@@ -126,9 +122,10 @@ class LeftOutMixin(LeastRiskMixin):
             logs[left] = self._densities_without(
                 X[others], codes[others], units[others], weight[others], X[left]
             )
-        self._left_out = left_out_all = LeftOut(self._typicality.left_out, logs, codes, units)
+        judged = np.isfinite(logs[np.arange(len(codes)), codes])
+        columns = self._typicality.left_out, logs, codes, units
+        self._left_out = LeftOut(*(column[judged] for column in columns))
         if isinstance(self.temperature, str):
-            judged = left_out_all.judged
             check_judged(judged)
             some = logs[judged], codes[judged], weight[judged]
             self._temperature = fit_temperature(*some, self.class_count_ / self.class_count_.sum())
@@ -206,16 +203,15 @@ class LeftOutMixin(LeastRiskMixin):
             If `fit` had neither `groups` nor an unknown state.
         """
         left = self._calibrated("left_out")
-        rows = left.judged
         log_priors = np.log(np.maximum(self.priors_, np.finfo(np.float64).tiny))
-        joint = left.log_densities[rows] / self.temperature_ + log_priors
-        truths = self.truth_proba(None, softmax(joint, axis=1), left.typicality[rows])
+        joint = left.log_densities / self.temperature_ + log_priors
+        truths = self.truth_proba(None, softmax(joint, axis=1), left.typicality)
         return pd.DataFrame(
             {
-                "truth": self.classes_[left.codes[rows]],
+                "truth": self.classes_[left.codes],
                 "decision": self.decided(truths),
-                "typicality": left.typicality[rows],
-                "group": left.units[rows],
+                "typicality": left.typicality,
+                "group": left.units,
             }
         )
 

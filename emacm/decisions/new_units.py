@@ -203,12 +203,11 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         posterior = self.predict_proba(X)
         self._unit()
         left = self._calibrated("left_out")
-        judged = left.judged
-        self._warn_of_shift(X, groups, left.typicality[judged], left.units[judged])
+        self._warn_of_shift(X, groups, left.typicality, left.units)
         threshold = probability_threshold(
-            left.log_densities[judged],
-            left.codes[judged],
-            left.units[judged],
+            left.log_densities,
+            left.codes,
+            left.units,
             self.priors_,
             self.temperature_,
             coverage,

@@ -52,6 +52,7 @@ class LeastRiskMixin:
     unknown: Any = None
     unknown_limit_: Any = None
     typicality: Any
+    predict_log_proba: Any
     _frequencies: Any  # how often each class is expected where `priors` are None
 
     @property
@@ -85,10 +86,6 @@ class LeastRiskMixin:
         (`emacm.decisions.typicality.prior_for_rate`); or else 0.01.
         """
         return self._truth_priors()[1]
-
-    def predict_log_proba(self, X: Any) -> Array:
-        """Return the logarithm of the posterior, shape (n_recordings, n_classes)."""
-        raise NotImplementedError
 
     @available_if(has_unknown)
     def unknown_proba(self, X, typicality=None):
@@ -262,6 +259,11 @@ class CombinedRiskMixin(LeastRiskMixin):
     @property
     def unknown(self):
         """Label of the unknown state of the classifiers inside; None if they have none."""
+        for final in map(final_estimator, self._inside.values()):
+            states = len(getattr(final, "truths_", ())) - len(getattr(final, "classes_", ()))
+            if states > 0 and not hasattr(final, "unknown"):  # as of a router
+                kind = f"{type(self).__name__} inside {type(final).__name__}"
+                raise ValueError(f"the unknown state would be lost. Put {kind}, not around it.")
         return self._agreed("unknown")
 
     @property

@@ -19,6 +19,7 @@ from sklearn.tree import DecisionTreeClassifier
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm import (
+    ConditionRouter,
     CostSensitiveGaussianBayes,
     LeastRiskClassifier,
     PosteriorProduct,
@@ -156,6 +157,9 @@ def test_the_unknown_state_of_the_estimator_is_decided_on():
     priors = {"dry": 0.2, "new": 0.4, "spall": 0.3, "odd": 0.1}
     assert model.set_params(priors=priors).unknown_prior_ == pytest.approx(0.1)
     assert not hasattr(LeastRiskClassifier(LogisticRegression()), "unknown_proba")
+    table = pd.DataFrame(X, columns=list("abc")).assign(load=20)
+    with pytest.raises(ValueError, match="Put LeastRiskClassifier inside ConditionRouter"):
+        LeastRiskClassifier(ConditionRouter(own, "load")).fit(table, Y, groups=groups)
 
 
 def test_other_priors_follow_from_bayes_rule():
