@@ -112,6 +112,8 @@ class ConditionRouter(
     ['worn', 'healthy']
     """
 
+    unknown_prior_ = None  # type: ignore[assignment]  # the classifier of each condition has one
+
     def __init__(
         self,
         estimator: Any,

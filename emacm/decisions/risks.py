@@ -260,7 +260,7 @@ class CombinedRiskMixin(LeastRiskMixin):
     def unknown(self):
         """Label of the unknown state of the classifiers inside; None if they have none."""
         for final in map(final_estimator, self._inside.values()):
-            has_prior = hasattr(type(final), "unknown_prior_")  # a router has one for each condition
+            has_prior = getattr(type(final), "unknown_prior_", None) is not None
             if getattr(final, "unknown", None) is not None and not has_prior:
                 kind = f"{type(self).__name__} inside {type(final).__name__}"
                 raise ValueError(f"the unknown state would be lost. Put {kind}, not around it.")
