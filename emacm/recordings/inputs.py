@@ -167,9 +167,18 @@ def paths_or_numbers(entries: Sequence[Any]) -> list[str | int]:
     return [printable(x.path) if hasattr(x, "path") else n for n, x in enumerate(entries)]
 
 
-def names_of(recordings: Sequence[Any]) -> list[Callable[[], str]]:
-    """Return functions that describe each recording, to be called where an error concerns it."""
-    return [partial(described, recording, index) for index, recording in enumerate(recordings)]
+def for_each(
+    function: Callable[[Any], Any], recordings: Sequence[Any], n_jobs: int | None = 1
+) -> list[Any]:
+    """Return what a function returns of each recording; an error names the recording.
+
+    Examples
+    --------
+    >>> for_each(len, ["A", "BC"])
+    [1, 2]
+    """
+    names = [partial(described, recording, index) for index, recording in enumerate(recordings)]
+    return run(function, recordings, names=names, n_jobs=n_jobs)
 
 
 def received(value: Any) -> str:
