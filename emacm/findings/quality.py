@@ -78,11 +78,11 @@ def recording_quality(row: Any) -> Quality:
 
 def _quality(over_angle: Any) -> Quality:
     recording, names, ratio = over_angle.measured, over_angle.channels, over_angle.ratio
-    velocity, fs, low = recording.velocity, recording.shaft_fs, over_angle.min_speed
+    velocity, low = recording.velocity, over_angle.min_speed
     # What "travel" joins is judged stroke by stroke.
     joined = over_angle.direction == "travel"
     paths = (replace(over_angle, direction="strokes") if joined else over_angle).paths
-    spans = [(start := round(path.start_time * fs), start + path.n_times) for path in paths]
+    spans = [path.span for path in paths]
     ranges = [speed_range(velocity[start:stop]) for start, stop in spans]
     turned = [path.length / (2 * np.pi) for path in paths]
     slowest_speed = min((least for least, _ in ranges), default=0.0)

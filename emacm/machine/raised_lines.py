@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from emacm.machine.fault_lines import LineLevels
+from emacm.machine.fault_lines import LineLevels, nearest_lines, resolution, resolved
 from emacm.machine.fault_orders import (
     FaultSeries,
     Orders,
@@ -66,11 +66,6 @@ class LineSpectrum:
         """Distance between the lines of the axis [orders]."""
         return float(self.orders[1] - self.orders[0])
 
-    @property
-    def resolution(self) -> float:
-        """Least distance of two lines, and from order 0: a Hann window has a lobe of 4 lines."""
-        return 3.5 * self.step  # the places are rounded
-
     def levels(self, series: Sequence[FaultSeries], slip: float) -> LineLevels:
         """Return what measures lines over the median of half an order on either side."""
         background = max(0.5, 2 * self.step)
@@ -83,8 +78,7 @@ class LineSpectrum:
 
     def peaks_near(self, orders: Array) -> Array:
         """Return the order of the highest line within one line of the axis of each order."""
-        places = np.rint((orders - self.orders[0]) / self.step).astype(np.intp)
-        around = np.add.outer(places, [-1, 0, 1])
+        around = np.add.outer(nearest_lines(orders, self.orders), [-1, 0, 1])
         best = self.heights[around].argmax(axis=1)
         return self.orders[around[np.arange(len(around)), best]]
 
@@ -193,7 +187,7 @@ def raised_lines(
     """
     orders, psd = spectrum.orders, spectrum.psd
     is_peak = (psd == ndimage.maximum_filter1d(psd, 7)) & spectrum.is_high(spectrum.heights)
-    places = np.flatnonzero(is_peak & (orders >= spectrum.resolution) & (rise >= limit))
+    places = np.flatnonzero(is_peak & (orders >= resolution(orders)) & (rise >= limit))
     owners = [("", "")] * len(places) if parts is None else parts.owners(orders[places])
     return [
         RaisedLine(float(orders[place]), float(rise[place]), *owner)
@@ -226,11 +220,11 @@ class PartLines:
     """
 
     def __init__(self, spectrum: LineSpectrum, parts: Any, slip: float = 0.02) -> None:
-        lowest, top = spectrum.resolution / (1 - slip), spectrum.orders[-2] / (1 + slip)
+        top = spectrum.orders[-2] / (1 + slip)
         self.resolved = tuple(
             replace(fault, orders=tuple(order for order in fault.orders if order <= top))
-            for fault in fault_series(parts, 3)
-            if lowest <= fault.orders[0] <= top
+            for fault in resolved(fault_series(parts, 3), spectrum.orders)
+            if fault.orders[0] <= top
         )
         self.shown: set[str] = set()
         self._spectrum = spectrum
@@ -265,7 +259,7 @@ class PartLines:
             if not spectrum.is_high(np.interp(carrier, spectrum.orders, peaks, right=0.0)):
                 continue
             for (name, spacing), n in product(fault.sidebands, (-3, -2, -1, 1, 2, 3)):
-                if spacing >= spectrum.resolution and carrier + n * spacing > 0:
+                if spacing >= resolution(spectrum.orders) and carrier + n * spacing > 0:
                     sideband = f"{n:+d}x{name}".replace("1x", "")
                     yield number + abs(n), carrier + n * spacing, (fault.name, line + sideband)
 
