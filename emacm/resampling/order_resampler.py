@@ -356,9 +356,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         shaft = channels[reference]
         if self.channels is None or reference not in self.channels:
             del channels[reference]
-        if self.reference_kind == "velocity":
-            return Recording(channels, self.fs, velocity=shaft)
-        return Recording(channels, self.fs, angle=shaft)
+        return Recording(channels, self.fs, **{self.reference_kind: shaft})
 
     def _check_motion(self, row: AngleRecording) -> None:
         """Check that the shaft turns, and that its reference has no impossible jump."""
