@@ -86,11 +86,7 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
     """
 
     def __init__(
-        self,
-        band: Any,
-        *,
-        channels: Sequence[str] | None = None,
-        squared: bool = True,
+        self, band: Any, *, channels: Sequence[str] | None = None, squared: bool = True
     ) -> None:
         self.band = band
         self.channels = channels

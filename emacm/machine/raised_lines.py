@@ -228,7 +228,7 @@ class PartLines:
         )
         self.shown: set[str] = set()
         self._spectrum = spectrum
-        lines: list[tuple[int, float, tuple[str, str]]] = []
+        lines: list[tuple[int, float, bool, tuple[str, str]]] = []
         if self.resolved:
             levels = spectrum.levels(self.resolved, slip)
             _, (shifts,), heights = levels.measure(spectrum.psd[np.newaxis].astype(np.float64))
@@ -241,27 +241,25 @@ class PartLines:
                     shift = spectrum.peaks_near(known * (1 + shift)) @ known / (known @ known) - 1
                 lines += self._lines_of(fault, 1 + float(shift))
         lines.sort(key=lambda line: line[0])  # of equally near lines the simplest
-        self._owners = [owner for _, _, owner in lines]
-        slipping = {fault.name: fault.slips for fault in self.resolved}
-        slips = [slipping[name] for name, _ in self._owners]
-        self._lines = pd.DataFrame({"order": [order for _, order, _ in lines], "slips": slips})
+        self._owners = [owner for *_, owner in lines]
+        self._lines = pd.DataFrame([line[1:3] for line in lines], columns=["order", "slips"])
 
     def _lines_of(
         self, fault: FaultSeries, scale: float
-    ) -> Iterator[tuple[int, float, tuple[str, str]]]:
-        """Yield rank, order and name of the lines of a series with its slip."""
+    ) -> Iterator[tuple[int, float, bool, tuple[str, str]]]:
+        """Yield rank, order, slipping and name of the lines of a series with its slip."""
         spectrum = self._spectrum
         peaks = ndimage.maximum_filter1d(spectrum.heights, 3)
         # With more harmonics, the lines of a slow part would be everywhere.
         for number in range(1, 21 if fault.name in self.shown else 2):
             carrier, line = number * fault.orders[0] * scale, f"{number * fault.strikes}x"
-            yield number, carrier, (fault.name, line)
+            yield number, carrier, fault.slips, (fault.name, line)
             if not spectrum.is_high(np.interp(carrier, spectrum.orders, peaks, right=0.0)):
                 continue
             for (name, spacing), n in product(fault.sidebands, (-3, -2, -1, 1, 2, 3)):
                 if spacing >= resolution(spectrum.orders) and carrier + n * spacing > 0:
-                    sideband = f"{n:+d}x{name}".replace("1x", "")
-                    yield number + abs(n), carrier + n * spacing, (fault.name, line + sideband)
+                    owner = fault.name, line + f"{n:+d}x{name}".replace("1x", "")
+                    yield number + abs(n), carrier + n * spacing, fault.slips, owner
 
     def owners(self, orders: Array) -> list[tuple[str, str]]:
         """Return series and line of the nearest predicted line at each order; empty if none."""

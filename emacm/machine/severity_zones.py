@@ -147,7 +147,7 @@ def vibration_velocity(acceleration: ArrayLike, fs: float, *, unit: str = "m/s2"
     7.03
     """
     signal = check_signal(acceleration, "acceleration").astype(np.float64)
-    fs = check_number(fs, "fs, twice the highest frequency of the velocity,", at_least=2000, unit="Hz")
+    fs = check_number(fs, "fs, twice the highest frequency,", at_least=2000, unit="Hz")
     check_choice(unit, "unit", tuple(_TO_MM_PER_S2))
     if len(signal) < fs:
         raise ValueError(

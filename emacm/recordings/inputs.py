@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from functools import partial
 from pathlib import PurePath
-from typing import Any, TypeVar
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -199,9 +199,6 @@ def received(value: Any) -> str:
     return f"a {name}.{once_hint(value)}"
 
 
-Self = TypeVar("Self", bound="RecordingTransformer")
-
-
 class RecordingTransformer(  # type: ignore[call-arg]
     TransformerMixin, SavedEstimator, auto_wrap_output_keys=None
 ):
@@ -228,7 +225,7 @@ class RecordingTransformer(  # type: ignore[call-arg]
         check_is_fitted(self)
         return np.array(self.channels_, dtype=object)
 
-    def set_output(self: Self, *, transform: str | None = None) -> Self:
+    def set_output(self, *, transform: str | None = None) -> Self:
         """Accept the option of `Pipeline.set_output`; it has no effect on recordings.
 
         Parameters

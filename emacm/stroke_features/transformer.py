@@ -18,12 +18,7 @@ from emacm._statements import Statement
 from emacm.findings.quality import forward_share
 from emacm.findings.training_range import Range, direction_statements
 from emacm.orders.columns import NamedColumns
-from emacm.recordings.inputs import (
-    as_recordings,
-    check_channels,
-    chosen_channels,
-    for_each,
-)
+from emacm.recordings.inputs import as_recordings, check_channels, chosen_channels, for_each
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
 from emacm.shaft.motion import ShaftPath
