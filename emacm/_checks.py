@@ -143,6 +143,16 @@ def check_count(value: Any, name: str, *, at_least: int = 1, at_most: int | None
     return count
 
 
+def check_orders(orders: Any) -> tuple[float, ...]:
+    """Return orders as floats: positive, each once."""
+    if isinstance(orders, str) or not isinstance(orders, Sequence | np.ndarray):
+        raise TypeError(f"orders must be a list of numbers such as [1, 2], got {orders!r}.")
+    unique = tuple(check_number(order, "an order", above=0) for order in orders)
+    if not unique or len(set(unique)) < len(unique):
+        raise ValueError(f"orders must contain each order once, got {list(unique)}.")
+    return unique
+
+
 def check_finite_table(
     table: NDArray[np.floating], rows: str, columns: Sequence[Any] | None = None
 ) -> None:

@@ -1,9 +1,9 @@
-"""Files that are written as a whole; saved estimators, which contain the version of the package.
+"""Files that are written as a whole, objects that go on from a state, estimators with a version.
 
-Loading another version warns. Model files hold no DataFrame and no mapping whose keys are not
-texts: while one is written, costs and the like are written as lists. Recordings are replaced by
-their digests: a fitted baseline contains what was learned from them. A folder of stored spectra is
-no part of a model.
+Loading an estimator of another version warns. Model files hold no DataFrame and no mapping whose
+keys are not texts: while one is written, costs and the like are written as lists. Recordings are
+replaced by their digests: a fitted baseline contains what was learned from them. A folder of stored
+spectra is no part of a model.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import pandas as pd
 from sklearn.base import BaseEstimator
@@ -31,6 +31,41 @@ except ImportError:  # on Windows
 _KEY = "_emacm_version"
 _KIND = "_emacm_kind"  # key of a value that is written as lists
 _as_lists: ContextVar[bool] = ContextVar("_as_lists", default=False)
+
+
+class Resumable:
+    """An object that can be continued from the values of some attributes.
+
+    Attributes
+    ----------
+    held : tuple of str
+        Names of these attributes; all, if there are none. They are arrays, numbers, texts, named
+        tuples, objects that have `state` and `restore`, and lists and dictionaries of them. An
+        object is continued, so it must have been made: of a dictionary of objects, those that are
+        in the state are kept.
+    """
+
+    held: ClassVar[tuple[str, ...]] = ()
+
+    def state(self) -> dict[str, Any]:
+        """Return all that `restore` needs."""
+        return {name: getattr(self, name) for name in self.held or vars(self)}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state that was packed and unpacked."""
+        for name, value in self.state().items():
+            setattr(self, name, _restored_value(value, state[name]))
+
+
+def _restored_value(value: Any, state: Any) -> Any:
+    if hasattr(value, "restore"):
+        value.restore(state)
+        return value
+    if isinstance(value, dict):
+        return {k: _restored_value(v, state[k]) for k, v in value.items() if k in state}
+    if isinstance(value, list) and any(hasattr(item, "restore") for item in value):
+        return [_restored_value(*pair) for pair in zip(value, state, strict=True)]
+    return value._make(state) if hasattr(value, "_make") else state
 
 
 class SavedEstimator(BaseEstimator):

@@ -11,7 +11,7 @@ import emacm
 os.environ["MPLBACKEND"] = "Agg"  # before an example imports matplotlib
 
 PUBLIC_MODULES = ["emacm", "emacm.monitoring", "emacm.displays", "emacm.simulation"]
-PUBLIC_MODULES += ["emacm.datasets", "emacm.shaft"]
+PUBLIC_MODULES += ["emacm.datasets"]
 PAGES_WITHOUT_CHILDREN = ["index", "installation", "terms", "limits", "evidence", "comparison"]
 PAGES_WITHOUT_CHILDREN += ["compositions", "contributing", "cite", "changes"]
 

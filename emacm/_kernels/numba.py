@@ -13,8 +13,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from emacm._kernels.numpy import Filter, Made, Parts, Place
-
 Array = NDArray[np.floating]
 
 # How much is processed at a time, chosen by ``python benchmarks/pipeline.py``.
@@ -51,17 +49,7 @@ def integrate(velocity, half_step, start):
     return angle
 
 
-def resample(
-    near: Array,
-    place: Place,
-    kernel: Array,
-    signals: list[Array],
-    means: Array,
-    grid: Array,
-    parts: Parts,
-    lowpass: Filter,
-    made: Made,
-) -> None:
+def resample(near, place, kernel, signals, means, grid, parts, lowpass, made):
     """Spread samples part by part, and decimate the grid as far as it is complete after each."""
     (near,), (outputs, done) = _views([near]), made
     for some, rows in _in_eights(signals):
@@ -69,7 +57,7 @@ def resample(
         _resample(near, place, kernel, *own)
 
 
-def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int) -> Array:
+def upsample(signal, taps, factor, first, n_outputs):
     """Raise the sampling rate of a signal over time."""
     phases = np.zeros((factor, 33))
     for phase, row in enumerate(phases):
@@ -80,9 +68,7 @@ def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int
     return outputs
 
 
-def interpolate_linear(
-    reached: Array, first: int, theta_s: float, signals: list[Array], values: Array
-) -> None:
+def interpolate_linear(reached, first, theta_s, signals, values):
     """Interpolate signals linearly at uniform angles, Eq. (2.13) of Chirico."""
     (reached,) = _views([reached])
     for some, rows in _in_eights(signals):

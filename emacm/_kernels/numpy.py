@@ -233,12 +233,7 @@ def interpolate_linear(
 
 
 def set_segments(
-    signals: Array,
-    first: int,
-    step: int,
-    window: Array,
-    remove_mean: bool,
-    segments: Array,
+    signals: Array, first: int, step: int, window: Array, remove_mean: bool, segments: Array
 ) -> None:
     """Cut signals into segments and multiply them by a window.
 

@@ -175,9 +175,8 @@ class StudentTail:
         degrees = self.peaks.n_peaks + self.n_expected
         at, mean = _upper_share(degrees, self.share)
         excess = (values[beyond] - self.peaks.threshold) / self.peaks.mean_excess
-        tail = np.minimum(
-            stdtr(degrees, -(at + mean * excess)) / self.share, 1.0
-        )  # 1 but for rounding
+        # At most 1, but for rounding.
+        tail = np.minimum(stdtr(degrees, -(at + mean * excess)) / self.share, 1.0)
         found[beyond] = (self.peaks.n_peaks + 1) / total * tail
         return np.maximum(found, np.finfo(np.float64).tiny)  # however far it is
 

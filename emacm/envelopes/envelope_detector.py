@@ -11,13 +11,8 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._checks import check_choice, located
 from emacm.envelopes.envelope import EnvelopeSeries, check_bands, warn_of_long_filter
 from emacm.envelopes.kurtogram import kurtogram
-from emacm.recordings.inputs import (
-    RecordingTransformer,
-    as_recordings,
-    check_channel_names,
-    chosen_channels,
-    described,
-)
+from emacm.recordings.inputs import RecordingTransformer, as_recordings, for_each
+from emacm.recordings.names import check_channel_names, chosen_channels
 from emacm.recordings.recording import Recording
 from emacm.shaft.motion import Series
 
@@ -91,11 +86,7 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
     """
 
     def __init__(
-        self,
-        band: Any,
-        *,
-        channels: Sequence[str] | None = None,
-        squared: bool = True,
+        self, band: Any, *, channels: Sequence[str] | None = None, squared: bool = True
     ) -> None:
         self.band = band
         self.channels = channels
@@ -126,7 +117,8 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
         chosen = chosen_channels(self.channels, recordings[0].channels)
         self.bands_ = dict.fromkeys(chosen, check_bands(self.band))
         # The names of the channels do not depend on the band that a kurtogram selects.
-        self.channels_ = self._detected(recordings, select=False)[0].channels
+        named = for_each(partial(self._detected, select=False), recordings)
+        self.channels_ = named[0].channels
         return self
 
     def transform(self, X: Any) -> list[Recording]:
@@ -148,20 +140,15 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
             As for `fit`.
         """
         check_is_fitted(self)
-        return self._detected(as_recordings(X, "EnvelopeDetector"))
+        return for_each(self._detected, as_recordings(X, "EnvelopeDetector"))
 
-    def _detected(self, recordings: list[Recording], *, select: bool = True) -> list[Recording]:
-        detected = []
-        for index, recording in enumerate(recordings):
-            with located(partial(described, recording, index)):
-                bands = dict(self.bands_)
-                check_channel_names(recording.channels, list(bands))
-                for channel in [c for c, band in bands.items() if select and band == "kurtogram"]:
-                    with located(f"channel {channel!r}"):
-                        signal, fs = recording.series[channel], recording.fs[channel]
-                        bands[channel] = kurtogram(signal, fs).band
-                detected.append(recording._derived(_envelope_content, bands, bool(self.squared)))
-        return detected
+    def _detected(self, recording: Recording, *, select: bool = True) -> Recording:
+        bands = dict(self.bands_)
+        check_channel_names(recording.channels, list(bands))
+        for channel in [c for c, band in bands.items() if select and band == "kurtogram"]:
+            with located(f"channel {channel!r}"):
+                bands[channel] = kurtogram(recording.series[channel], recording.fs[channel]).band
+        return recording._derived(_envelope_content, bands, bool(self.squared))
 
 
 def _envelope_content(
@@ -171,8 +158,7 @@ def _envelope_content(
     found: dict[str, Series] = {}
     rates: dict[str, float] = {}
     for channel, signal in measured.series.items():
-        fs = measured.fs[channel]
-        signals = {channel: signal}
+        fs, signals = measured.fs[channel], {channel: signal}
         if channel in bands:
             with located(f"channel {channel!r}"):
                 signals = _envelopes(signal, fs, channel, bands[channel], squared)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,14 +10,8 @@ import scipy  # scipy.fft is imported when it is used
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import located
-from emacm.recordings.inputs import (
-    RecordingTransformer,
-    as_recordings,
-    check_channel_names,
-    described,
-)
-from emacm.recordings.names import chosen_channels
+from emacm.recordings.inputs import RecordingTransformer, as_recordings, for_each
+from emacm.recordings.names import check_channel_names, chosen_channels
 from emacm.recordings.recording import Recording
 from emacm.recordings.series import ComputedSeries
 from emacm.shaft.motion import Series, mirrored
@@ -297,9 +290,8 @@ class CepstralPrewhitening(  # type: ignore[call-arg]
             both.
         """
         recordings = as_recordings(X, "CepstralPrewhitening")
-        first = recordings[0].channels
-        self.whitened_ = chosen_channels(self.channels, first)
-        self.channels_ = self._whitened(recordings)[0].channels
+        self.whitened_ = chosen_channels(self.channels, recordings[0].channels)
+        self.channels_ = for_each(self._whitened, recordings)[0].channels
         return self
 
     def transform(self, X: Any) -> list[Recording]:
@@ -321,15 +313,11 @@ class CepstralPrewhitening(  # type: ignore[call-arg]
             As for `fit`.
         """
         check_is_fitted(self)
-        return self._whitened(as_recordings(X, "CepstralPrewhitening"))
+        return for_each(self._whitened, as_recordings(X, "CepstralPrewhitening"))
 
-    def _whitened(self, recordings: list[Recording]) -> list[Recording]:
-        changed = []
-        for index, recording in enumerate(recordings):
-            with located(partial(described, recording, index)):
-                check_channel_names(recording.channels, self.whitened_)
-                changed.append(recording._derived(_whitened_content, self.whitened_))
-        return changed
+    def _whitened(self, recording: Recording) -> Recording:
+        check_channel_names(recording.channels, self.whitened_)
+        return recording._derived(_whitened_content, self.whitened_)
 
 
 def _whitened_content(measured: Recording, names: tuple[str, ...]) -> dict[str, Any]:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from emacm._checks import located
 from emacm.files.file_columns import recording_arguments, start_of
@@ -23,7 +21,6 @@ from emacm.files.readers import READERS, read_columns
 from emacm.recordings.digests import Recent, digest_of_file
 from emacm.recordings.names import printable
 from emacm.recordings.recording import CONTENT, Recording
-from emacm.shaft.motion import LazySeries, Series
 
 _recent: Recent[Recording] = Recent(1 << 28)  # bytes, in addition to the last of each thread
 _starts: Recent[tuple[pd.Timestamp | None]] = Recent(100_000)  # of so many files
@@ -95,12 +92,6 @@ class FileRecording(Recording):
     layout: Layout
     _states: tuple[FileState, ...]
     _steps: tuple[Step, ...]
-
-    @property
-    def series(self) -> Mapping[str, Series]:
-        """The channels by name, to be read slice by slice."""
-        held = self.content().series
-        return MappingProxyType({name: FileSeries(self, name, held[name]) for name in held})
 
     @property
     def digest(self) -> str:
@@ -201,43 +192,6 @@ class FileRecording(Recording):
     def __getstate__(self) -> dict[str, Any]:
         """Return the content."""
         return self.content().__getstate__()
-
-
-class FileSeries(LazySeries):
-    """A channel of a recording in a file, read when it is sliced.
-
-    Parameters
-    ----------
-    recording : FileRecording
-        The recording.
-    name : str
-        Name of the channel.
-    series : Series
-        The channel as it was read now.
-
-    Attributes
-    ----------
-    bandwidth : float
-        Frequency above which a computed channel has no content [Hz]; see `ComputedSeries`.
-    """
-
-    def __init__(self, recording: FileRecording, name: str, series: Series) -> None:
-        super().__init__(len(series), series.dtype)
-        self.bandwidth = float(getattr(series, "bandwidth", np.inf))
-        self._recording, self._name = recording, name
-
-    def __getitem__(self, key: Any) -> Any:
-        """Return samples."""
-        return self._recording.content().series[self._name][key]
-
-    def read(self, start: int, stop: int) -> NDArray[np.floating]:
-        """Return the samples `start` to `stop` (exclusive)."""
-        return self[start:stop]
-
-    @property
-    def sources(self) -> list[NDArray[Any]]:
-        """The whole channel."""
-        return [np.asarray(self)]
 
 
 def open_recording(path: str | os.PathLike[str], layout: Layout) -> FileRecording:

@@ -21,9 +21,8 @@ Array = NDArray[np.float64]
 Spectra = NDArray[np.floating]  # shape (n_recordings, n_columns), in U² per order
 Axis = tuple[str, NDArray[np.floating], slice]  # channel, its orders, its columns
 
-_LEAST = (
-    4.0  # dB above the maximum of the training, which a recording with less noise may also have
-)
+# dB above the maximum of the training, which a recording with less noise may also have.
+_LEAST = 4.0
 _FLOOR = 1e-12  # of the largest line of a channel, below which lines are rounding errors
 _PRIOR = 5  # groups that the spread which is common to the lines of a channel counts as
 _LEAST_SPREAD = 0.8  # dB: about the scatter of heights in spectra of thirty segments

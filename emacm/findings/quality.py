@@ -78,11 +78,11 @@ def recording_quality(row: Any) -> Quality:
 
 def _quality(over_angle: Any) -> Quality:
     recording, names, ratio = over_angle.measured, over_angle.channels, over_angle.ratio
-    velocity, fs, low = recording.velocity, recording.shaft_fs, over_angle.min_speed
+    velocity, low = recording.velocity, over_angle.min_speed
     # What "travel" joins is judged stroke by stroke.
     joined = over_angle.direction == "travel"
     paths = (replace(over_angle, direction="strokes") if joined else over_angle).paths
-    spans = [(start := round(path.start_time * fs), start + path.n_times) for path in paths]
+    spans = [path.span for path in paths]
     ranges = [speed_range(velocity[start:stop]) for start, stop in spans]
     turned = [path.length / (2 * np.pi) for path in paths]
     slowest_speed = min((least for least, _ in ranges), default=0.0)
@@ -301,10 +301,11 @@ def check_channel(
     if extreme is not None:
         return found("clipped", f"is clipped at {extreme * largest:.4g}", extreme * largest)
     most = 0.9 if may_be_switch else 1.0
-    share = _held_share(stretches, scaled.size)
+    is_held = stretches.length >= _HELD
+    share = float(stretches.length[is_held].sum() / scaled.size)
     if share >= most:
         return ChannelCheck(level)
-    if np.count_nonzero((stretches.length >= _HELD) & stretches.sharp) < _FEWEST or share <= _LOST:
+    if np.count_nonzero(is_held & stretches.sharp) < _FEWEST or share <= _LOST:
         within = [(a * len(series), b * len(series)) for a, b in turning]
         share = _lost_share(stretches, scaled, within)
     if _LOST < share < most:
@@ -392,11 +393,6 @@ def _clipped_at(stretches: _Stretches, rows: Array) -> float | None:
         if n_sharp >= max(_FEWEST, 0.5 * np.count_nonzero(is_there)):
             return float(extreme)
     return None
-
-
-def _held_share(stretches: _Stretches, n_samples: int) -> float:
-    """Return the fraction of the time in stretches of 16 or more equal samples."""
-    return float(stretches.length[stretches.length >= _HELD].sum() / n_samples)
 
 
 def _lost_share(

@@ -19,11 +19,18 @@ from emacm.recordings.inputs import check_channel_names, chosen_channels
 Array = NDArray[np.float64]
 
 
-def resolved(series: Sequence[FaultSeries], orders: ArrayLike) -> tuple[FaultSeries, ...]:
-    """Return the series whose lowest line a spectrum resolves.
+def resolution(orders: ArrayLike) -> float:
+    """Return the least distance of two lines of a spectrum, and of one from order 0 [orders].
 
-    A line below half the main lobe of a Hann window, two lines of the axis, cannot be told from a
-    slow change of the signal.
+    The main lobe of a Hann window is four lines of the axis wide, and places are rounded to half a
+    line. A line nearer to order 0 cannot be told from a slow change of the signal.
+    """
+    first, second = np.asarray(orders, dtype=np.float64)[:2]
+    return float(3.5 * (second - first))
+
+
+def resolved(series: Sequence[FaultSeries], orders: ArrayLike) -> tuple[FaultSeries, ...]:
+    """Return the series whose lowest line a spectrum resolves from order 0.
 
     Examples
     --------
@@ -31,8 +38,19 @@ def resolved(series: Sequence[FaultSeries], orders: ArrayLike) -> tuple[FaultSer
     >>> [fault.name for fault in resolved(series, [0.0, 0.04, 0.08])]
     ['shaft']
     """
-    first, second = np.asarray(orders, dtype=np.float64)[:2]
-    return tuple(fault for fault in series if fault.orders[0] >= 2 * (second - first))
+    return tuple(fault for fault in series if fault.orders[0] >= resolution(orders))
+
+
+def nearest_lines(orders: ArrayLike, axis: Array) -> NDArray[np.intp]:
+    """Return the numbers of the lines of an evenly spaced axis that are nearest to orders.
+
+    Examples
+    --------
+    >>> nearest_lines([0.9, 2.2], np.arange(0, 4, 0.5))
+    array([2, 4])
+    """
+    step = (axis[-1] - axis[0]) / (len(axis) - 1)
+    return np.rint((np.asarray(orders) - axis[0]) / step).astype(np.intp)
 
 
 class LineLevels:
@@ -72,7 +90,6 @@ class LineLevels:
         self.series = tuple(series)
         self.slip = check_number(slip, "slip", at_least=0, below=0.2)
         check_number(background, "background", above=0, unit="orders")
-        self._first = self.orders[0]
         self._step = (self.orders[-1] - self.orders[0]) / (len(self.orders) - 1)
         self._width = 2 * round(background / self._step) + 1
         if self._width < 5:  # lines of background, which a median needs
@@ -94,17 +111,17 @@ class LineLevels:
         top = self.orders[-1]
         n_steps = int(np.ceil(reach * min(lines[-1], top) / self._step))
         slips = np.linspace(-reach, reach, 2 * n_steps + 1)
-        places = np.rint((np.outer(1 + slips, lines) - self._first) / self._step).astype(np.intp)
+        places = nearest_lines(np.outer(1 + slips, lines), self.orders)
         if places.min() < 1 or not resolved([fault], self.orders):
             raise ValueError(
                 f"the first line of {fault.name!r} is at order {lines[0]:.4g}, but the spectra "
-                f"have a line every {self._step:.4g} orders from {self._first:.4g} on. Raise "
+                f"have a line every {self._step:.4g} orders from {self.orders[0]:.4g} on. Raise "
                 f"revolutions of OrderPSD."
             )
         if places.max() > len(self.orders) - 2:
             raise ValueError(
                 f"the lines of {fault.name!r} reach order {lines[-1] * (1 + reach):.4g}, but the "
-                f"spectra hold orders {self._first:.4g} to {top:.4g}. Lower theta_s of "
+                f"spectra hold orders {self.orders[0]:.4g} to {top:.4g}. Lower theta_s of "
                 f"OrderResampler, raise max_order of OrderPSD, or lower harmonics."
             )
         return slips, places
@@ -180,9 +197,9 @@ class LineLevels:
         return np.stack(levels, axis=1), np.stack(slips, axis=1), lines
 
     def explained(
-        self, fault: FaultSeries, slip: float, modulations: Sequence[float], n_sidebands: int = 3
+        self, fault: FaultSeries, slip: float, modulations: Sequence[float]
     ) -> NDArray[np.bool_]:
-        """Return which orders a fault explains: its harmonics with their sidebands.
+        """Return which orders a fault explains: its harmonics, with three sidebands on either side.
 
         Parameters
         ----------
@@ -192,8 +209,6 @@ class LineLevels:
             Its slip, as `measure` finds it.
         modulations : sequence of float
             Orders of the modulations.
-        n_sidebands : int
-            Sidebands on either side, by each modulation.
 
         Returns
         -------
@@ -201,7 +216,7 @@ class LineLevels:
         """
         first = fault.orders[0] * (1 + slip)
         carriers = first * np.arange(1, np.ceil(self.orders[-1] / first) + 1)
-        sides = np.outer(np.arange(-n_sidebands, n_sidebands + 1), modulations).ravel()
+        sides = np.outer(np.arange(-3, 4), modulations).ravel()
         lines = np.add.outer(carriers, [0.0, *sides]).ravel()
         distance = np.abs(self.orders[:, np.newaxis] - lines).min(axis=1)
         return np.asarray(distance < 2.5 * self._step)  # the main lobe of a Hann window
@@ -245,8 +260,7 @@ class LineLevels:
         highest = ndimage.maximum_filter1d(heights, 3)
 
         def place(orders: Array) -> NDArray[np.intp]:
-            places = np.rint((orders - self._first) / self._step).astype(np.intp)
-            return np.clip(places, 2, len(highest) - 3)
+            return np.clip(nearest_lines(orders, self.orders), 2, len(highest) - 3)
 
         multiples = np.arange(1, len(fault.orders) + 1)
         candidates = fault.orders[0] * (1 + slip) + reach * np.linspace(-1, 1, 161)
@@ -286,8 +300,8 @@ class LineLevels:
         -------
         float
         """
-        places = np.rint((np.array(fault.orders) * (1 + slip) - self._first) / self._step)
-        lobes = np.add.outer(places.astype(np.intp), np.arange(-2, 3))  # of a Hann window
+        places = nearest_lines(np.array(fault.orders) * (1 + slip), self.orders)
+        lobes = np.add.outer(places, np.arange(-2, 3))  # of a Hann window
         above = (psd - self.background(psd))[0, np.clip(lobes, 0, len(self.orders) - 1)]
         return float(np.sqrt(2 * self._step * np.maximum(above.sum(axis=1), 0.0).sum()))
 
@@ -316,7 +330,7 @@ class LineLevels:
         found = {}
         for name, order in fault.sidebands:
             sides = np.add.outer((1 + slip) * np.array(fault.orders), (-order, order)).ravel()
-            places = np.rint((sides - self._first) / self._step).astype(np.intp)
+            places = nearest_lines(sides, self.orders)
             inside = (sides > 2 * self._step) & (places < len(peaks) - 1)
             if inside.any():
                 found[name] = float(np.median(peaks[places[inside]]))

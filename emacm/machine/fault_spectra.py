@@ -15,7 +15,7 @@ from emacm.findings.quality import check_channel
 from emacm.machine.bearing_recipe import bearing_recipe
 from emacm.machine.fault_lines import FaultLines, LineLevels, resolved
 from emacm.machine.fault_orders import FaultSeries, fault_series
-from emacm.orders.columns import column_names, parse_order_columns
+from emacm.orders.columns import column_names
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.inputs import as_recordings, check_channel_names, described
 from emacm.recordings.recording import Recording
@@ -351,9 +351,8 @@ def _defect(recording: Recording, channel: str) -> str:
     last, series = len(recording.velocity), recording.series[channel]
     if 1 < len(np.unique(series[:4096])) <= 3:
         return f"channel {channel!r} has at most 3 values: cable or sensor?"
-    starts = [round(path.start_time * recording.shaft_fs) for path in recording.paths()]
-    spans = zip(starts, recording.paths(), strict=True)
-    turning = [(start / last, (start + path.n_times) / last) for start, path in spans]
+    spans = [path.span for path in recording.paths()]
+    turning = [(start / last, stop / last) for start, stop in spans]
     defect = check_channel(series, channel, turning, may_be_switch=False).defect
     return "" if defect is None else defect.text
 
@@ -365,12 +364,9 @@ def _spectra(table: Any, levels: FaultLines) -> dict[str, list[Spectrum]]:
     lowest_line = {highest.name: highest.orders[0]}
     # FaultLines checks the table: its axis, its values, its channels.
     checked = FaultLines(lowest_line, harmonics=1, channels=levels.channels).fit(table)
-    blocks = {
-        block.channel: block for block in parse_order_columns(column_names(table) or ()) or ()
-    }
     psd, by_channel = np.asarray(table, np.float64), {}
-    for channel in checked.channels_:
-        orders, columns = tuple(blocks[channel].orders.tolist()), blocks[channel].columns
+    for channel, (columns, known) in checked._levels.items():
+        orders = tuple(known.orders.tolist())
         lines = _line_levels(orders, resolved(series, orders), levels.slip)
         by_channel[channel] = [Spectrum(lines, row[np.newaxis, columns]) for row in psd]
     return by_channel

@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from emacm.machine.fault_lines import LineLevels
+from emacm.machine.fault_lines import LineLevels, nearest_lines, resolution, resolved
 from emacm.machine.fault_orders import (
     FaultSeries,
     Orders,
@@ -66,11 +66,6 @@ class LineSpectrum:
         """Distance between the lines of the axis [orders]."""
         return float(self.orders[1] - self.orders[0])
 
-    @property
-    def resolution(self) -> float:
-        """Least distance of two lines, and from order 0: a Hann window has a lobe of 4 lines."""
-        return 3.5 * self.step  # the places are rounded
-
     def levels(self, series: Sequence[FaultSeries], slip: float) -> LineLevels:
         """Return what measures lines over the median of half an order on either side."""
         background = max(0.5, 2 * self.step)
@@ -83,8 +78,7 @@ class LineSpectrum:
 
     def peaks_near(self, orders: Array) -> Array:
         """Return the order of the highest line within one line of the axis of each order."""
-        places = np.rint((orders - self.orders[0]) / self.step).astype(np.intp)
-        around = np.add.outer(places, [-1, 0, 1])
+        around = np.add.outer(nearest_lines(orders, self.orders), [-1, 0, 1])
         best = self.heights[around].argmax(axis=1)
         return self.orders[around[np.arange(len(around)), best]]
 
@@ -193,7 +187,7 @@ def raised_lines(
     """
     orders, psd = spectrum.orders, spectrum.psd
     is_peak = (psd == ndimage.maximum_filter1d(psd, 7)) & spectrum.is_high(spectrum.heights)
-    places = np.flatnonzero(is_peak & (orders >= spectrum.resolution) & (rise >= limit))
+    places = np.flatnonzero(is_peak & (orders >= resolution(orders)) & (rise >= limit))
     owners = [("", "")] * len(places) if parts is None else parts.owners(orders[places])
     return [
         RaisedLine(float(orders[place]), float(rise[place]), *owner)
@@ -226,15 +220,15 @@ class PartLines:
     """
 
     def __init__(self, spectrum: LineSpectrum, parts: Any, slip: float = 0.02) -> None:
-        lowest, top = spectrum.resolution / (1 - slip), spectrum.orders[-2] / (1 + slip)
+        top = spectrum.orders[-2] / (1 + slip)
         self.resolved = tuple(
             replace(fault, orders=tuple(order for order in fault.orders if order <= top))
-            for fault in fault_series(parts, 3)
-            if lowest <= fault.orders[0] <= top
+            for fault in resolved(fault_series(parts, 3), spectrum.orders)
+            if fault.orders[0] <= top
         )
         self.shown: set[str] = set()
         self._spectrum = spectrum
-        lines: list[tuple[int, float, tuple[str, str]]] = []
+        lines: list[tuple[int, float, bool, tuple[str, str]]] = []
         if self.resolved:
             levels = spectrum.levels(self.resolved, slip)
             _, (shifts,), heights = levels.measure(spectrum.psd[np.newaxis].astype(np.float64))
@@ -247,27 +241,25 @@ class PartLines:
                     shift = spectrum.peaks_near(known * (1 + shift)) @ known / (known @ known) - 1
                 lines += self._lines_of(fault, 1 + float(shift))
         lines.sort(key=lambda line: line[0])  # of equally near lines the simplest
-        self._owners = [owner for _, _, owner in lines]
-        slipping = {fault.name: fault.slips for fault in self.resolved}
-        slips = [slipping[name] for name, _ in self._owners]
-        self._lines = pd.DataFrame({"order": [order for _, order, _ in lines], "slips": slips})
+        self._owners = [owner for *_, owner in lines]
+        self._lines = pd.DataFrame([line[1:3] for line in lines], columns=["order", "slips"])
 
     def _lines_of(
         self, fault: FaultSeries, scale: float
-    ) -> Iterator[tuple[int, float, tuple[str, str]]]:
-        """Yield rank, order and name of the lines of a series with its slip."""
+    ) -> Iterator[tuple[int, float, bool, tuple[str, str]]]:
+        """Yield rank, order, slipping and name of the lines of a series with its slip."""
         spectrum = self._spectrum
         peaks = ndimage.maximum_filter1d(spectrum.heights, 3)
         # With more harmonics, the lines of a slow part would be everywhere.
         for number in range(1, 21 if fault.name in self.shown else 2):
             carrier, line = number * fault.orders[0] * scale, f"{number * fault.strikes}x"
-            yield number, carrier, (fault.name, line)
+            yield number, carrier, fault.slips, (fault.name, line)
             if not spectrum.is_high(np.interp(carrier, spectrum.orders, peaks, right=0.0)):
                 continue
             for (name, spacing), n in product(fault.sidebands, (-3, -2, -1, 1, 2, 3)):
-                if spacing >= spectrum.resolution and carrier + n * spacing > 0:
-                    sideband = f"{n:+d}x{name}".replace("1x", "")
-                    yield number + abs(n), carrier + n * spacing, (fault.name, line + sideband)
+                if spacing >= resolution(spectrum.orders) and carrier + n * spacing > 0:
+                    owner = fault.name, line + f"{n:+d}x{name}".replace("1x", "")
+                    yield number + abs(n), carrier + n * spacing, fault.slips, owner
 
     def owners(self, orders: Array) -> list[tuple[str, str]]:
         """Return series and line of the nearest predicted line at each order; empty if none."""

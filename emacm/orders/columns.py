@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from hashlib import sha256
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -46,7 +46,50 @@ class BinBlock(NamedTuple):
     columns: NDArray[np.intp]
 
 
-class OrderTable(np.ndarray):
+class BinPowers(np.ndarray):
+    """Powers in bins: a plain array; an error of its logarithm states recording and column.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n_recordings, n_bins)
+        Powers.
+    names : sequence of str
+        One name for each column, for messages. No operation keeps them.
+    """
+
+    _names: tuple[str, ...] | None
+
+    def __new__(cls, values: NDArray[np.floating], names: Sequence[str]) -> Self:
+        """View `values`."""
+        powers = values.view(cls)
+        powers._names = tuple(names)
+        return powers
+
+    def __array_finalize__(self, obj: Any) -> None:
+        """Drop the names; a subclass restores them where they still hold."""
+        self._names = None
+
+    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
+        """Return the result of a ufunc or a reduction: a number, or a plain array.
+
+        A logarithm of 0, as of the power of a dead channel, raises a ValueError: only here are
+        the recording and the column known.
+        """
+        values = np.asarray(array)
+        if context is None or context[0] not in _LOGARITHMS or values.ndim != 2:
+            return values[()]  # a number, if it has no dimension
+        for row, column in np.argwhere(~np.isfinite(values))[:1]:
+            name = column if self._names is None else self._names[column]
+            raise ValueError(
+                f"the logarithm of recording {row}, column {name!r}, does not exist: its value is "
+                f"{np.asarray(context[1][0])[row, column]:g}. A channel without power is constant, "
+                f"dead, or equal to its baseline: check its sensor, or leave the channel or the "
+                f"recording out."
+            )
+        return values
+
+
+class OrderTable(BinPowers):
     """A table with one row per recording that keeps the names of its columns.
 
     It differs from a plain float array in one respect: its `columns` attribute (a tuple of names)
@@ -68,10 +111,9 @@ class OrderTable(np.ndarray):
         Names of the columns, or None where they are unknown.
     """
 
-    columns: tuple[str, ...] | None
-    _exchanged: OrderTable | None
+    _exchanged: OrderTable | None = None
 
-    def __new__(cls, values: Any, columns: Sequence[str]) -> OrderTable:
+    def __new__(cls, values: Any, columns: Sequence[str]) -> Self:
         """Make a table of `values`, copying them once."""
         columns = tuple(columns)
         # joblib hashes an array by its class, dtype and bytes, so two tables with equal numbers
@@ -79,43 +121,35 @@ class OrderTable(np.ndarray):
         values = np.asarray(values)
         precision = np.float32 if values.dtype == np.float32 else np.float64
         dtype = np.dtype(precision, metadata={"columns": _digest(columns)})
-        table = values.astype(dtype).view(cls)
+        table = super().__new__(cls, values.astype(dtype), columns)
         if table.ndim != 2 or table.shape[1] != len(columns):
             raise ValueError(
                 f"{len(columns)} names were given for values of shape {table.shape}; expected one "
                 f"for each column."
             )
-        table.columns = columns
         return table
 
-    def __array_finalize__(self, obj: Any) -> None:
-        """Drop the names; the methods below restore them where they still hold."""
-        self.columns = self._exchanged = None
-
-    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
-        """Return the result of a ufunc or a reduction: a number, or an array without names.
-
-        A logarithm of 0, as of the power of a dead channel, raises a ValueError: only here are
-        the recording and the column known.
-        """
-        return _plain(array, context, self.columns)
+    @property
+    def columns(self) -> tuple[str, ...] | None:
+        """Names of the columns, or None where they are unknown."""
+        return self._names
 
     def __getitem__(self, key: Any) -> Any:
         """Index as an array; a choice of rows keeps the names."""
         chosen = super().__getitem__(key)
         if isinstance(chosen, OrderTable) and _chooses_rows(key) and chosen.ndim == self.ndim:
-            chosen.columns = self.columns
+            chosen._names = self._names
         return chosen
 
     def sort(self, *args: Any, **kwargs: Any) -> None:
         """Sort in place, and drop the names."""
         super().sort(*args, **kwargs)
-        self.columns = None
+        self._names = None
 
     def partition(self, *args: Any, **kwargs: Any) -> None:
         """Partition in place, and drop the names."""
         super().partition(*args, **kwargs)
-        self.columns = None
+        self._names = None
 
     def swapaxes(self, *args: Any) -> Any:
         """Return a view with two axes exchanged, without names."""
@@ -130,12 +164,12 @@ class OrderTable(np.ndarray):
         """
         super().__setitem__(key, value)
         if self._exchanged is not None:
-            self._exchanged.columns = None
+            self._exchanged._names = None
 
     def copy(self, order: Any = "C") -> OrderTable:
         """Return a copy with the names."""
         copied = super().copy(order)
-        copied.columns = self.columns
+        copied._names = self._names
         return copied
 
     def __copy__(self, memo: Any = None) -> OrderTable:
@@ -148,13 +182,12 @@ class OrderTable(np.ndarray):
         """Return the state of an ndarray with the names."""
         pickled: Any = super().__reduce__()
         function, arguments, state = pickled
-        return function, arguments, (state, self.columns)
+        return function, arguments, (state, self._names)
 
     def __setstate__(self, state: Any) -> None:
         """Restore numbers and names."""
-        numbers, columns = state
+        numbers, self._names = state
         super().__setstate__(numbers)
-        self.columns = columns
 
 
 def lost_axis(X: Any) -> bool:
@@ -174,34 +207,6 @@ def number_name(number: float) -> str:
     ('5', '0.1', '0.3333333333333333')
     """
     return repr(float(number)).removesuffix(".0")
-
-
-class BinPowers(np.ndarray):
-    """Powers in bins: a plain array; an error of its logarithm states recording and column.
-
-    Parameters
-    ----------
-    values : ndarray of shape (n_recordings, n_bins)
-        Powers.
-    names : sequence of str
-        One name for each column, for messages. No operation keeps them.
-    """
-
-    names: tuple[str, ...] | None
-
-    def __new__(cls, values: NDArray[np.floating], names: Sequence[str]) -> BinPowers:
-        """View `values`."""
-        powers = values.view(cls)
-        powers.names = tuple(names)
-        return powers
-
-    def __array_finalize__(self, obj: Any) -> None:
-        """Drop the names."""
-        self.names = None
-
-    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
-        """Return the result of a ufunc or a reduction as a number or a plain array."""
-        return _plain(array, context, self.names)
 
 
 def order_columns(channels: Iterable[str], orders: Iterable[float]) -> tuple[str, ...]:
@@ -368,23 +373,6 @@ def _chooses_rows(key: Any) -> bool:
     return key is not None and np.ndim(key) == 1
 
 
-def _plain(array: Any, context: Any, names: tuple[str, ...] | None) -> Any:
-    """Return the result of a ufunc as a number or a plain array; check logarithms."""
-    values = np.asarray(array)
-    if context is not None and context[0] in _LOGARITHMS and values.ndim == 2:
-        bad = ~np.isfinite(values)
-        if bad.any():
-            row, column = (int(numbers[0]) for numbers in np.nonzero(bad))
-            name = column if names is None else names[column]
-            raise ValueError(
-                f"the logarithm of recording {row}, column {name!r}, does not exist: its value is "
-                f"{np.asarray(context[1][0])[row, column]:g}. A channel without power is constant, "
-                f"dead, or equal to its baseline: check its sensor, or leave the channel or the "
-                f"recording out."
-            )
-    return values[()]  # a number, if it has no dimension
-
-
 class NamedColumns(TransformerMixin, SavedEstimator):
     """Base of transformers that name their columns.
 
@@ -446,13 +434,12 @@ class OrderTableTransformer(NamedColumns):
             )
         dtype = np.float64 if reset else [np.float64, np.float32]
         options = {"dtype": dtype, "ensure_all_finite": False, "ensure_min_features": 1 + reset}
-        if reset and names is not None and _names_orders(names):
-            psd = check_array(X, **options)
+        if names is not None and (_names_orders(names) if reset else self._same_axis(names)):
             # validate_data would not see the names of every container.
-            self.n_features_in_ = psd.shape[1]
-            self.feature_names_in_ = np.array(names, dtype=object)
-        elif not reset and self._same_axis(names):
             psd = check_array(X, **options)
+            if reset:
+                self.n_features_in_ = psd.shape[1]
+                self.feature_names_in_ = np.array(names, dtype=object)
         else:
             psd = validate_data(self, X, reset=reset, **options)
         if reset:
@@ -460,10 +447,10 @@ class OrderTableTransformer(NamedColumns):
         check_finite_table(psd, "recording", names)
         return psd
 
-    def _same_axis(self, names: Sequence[Any] | None) -> bool:
+    def _same_axis(self, names: Sequence[Any]) -> bool:
         """Return whether the names are the order axis of `fit`; refuse another one."""
         seen = getattr(self, "feature_names_in_", None)
-        if names is None or seen is None or not (_names_orders(names) or _names_orders(seen)):
+        if seen is None or not (_names_orders(names) or _names_orders(seen)):
             return False  # scikit-learn reports other mismatches
         if tuple(names) == tuple(seen):
             return True

@@ -17,7 +17,7 @@ from emacm.orders.bins import bin_operator, named_bins
 from emacm.orders.columns import OrderTable, order_columns
 from emacm.orders.segment_plan import SegmentPlan, WeightedLines, padded_lines
 from emacm.orders.welch import WelchEstimator, samples_per_revolution
-from emacm.recordings.inputs import names_of, run
+from emacm.recordings.inputs import for_each
 from emacm.resampling.angle_recording import (
     AngleRecording,
     AngleStroke,
@@ -389,7 +389,7 @@ class OrderCrossSpectrum(WelchEstimator):
         check_is_fitted(self)
         rows = as_angle_recordings(X, "OrderCrossSpectrum")
         self._check_rows(rows)
-        features = run(self._estimate, rows, names=names_of(rows), n_jobs=self.n_jobs)
+        features = for_each(self._estimate, rows, self.n_jobs)
         table = np.stack(features).reshape(len(rows), -1)
         return table if self.bins_ is not None else OrderTable(table, self._columns_out)
 

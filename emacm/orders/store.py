@@ -84,11 +84,9 @@ def recalled(
     rows: Sequence[Any],
     memory: Any,
     plan: SegmentPlan,
-    *,
-    names: Sequence[Callable[[], str]],
     **options: Any,
 ) -> list[Spectrum]:
-    """Return the spectrum of each row, and estimate those that are not kept; equal rows once.
+    """Return the spectrum of each row, and estimate those that are not kept.
 
     Parameters
     ----------
@@ -100,7 +98,7 @@ def recalled(
         Where spectra are kept.
     plan : SegmentPlan
         What the spectra depend on besides the rows.
-    names, **options
+    **options
         See `emacm.recordings.inputs.run`.
 
     Returns
@@ -110,18 +108,7 @@ def recalled(
     recall = open_memory(memory).cache(_estimated, ignore=["row", "estimate"])
     settings = joblib.hash((vars(plan), __version__))
     keys = [spectrum_key(row, settings) for row in rows]
-    first: dict[str, int] = {}
-    for index, key in enumerate(keys):
-        first.setdefault(key, index)
-    found = run(
-        partial(recall, estimate=estimate),
-        list(first),
-        [rows[index] for index in first.values()],
-        names=[names[index] for index in first.values()],
-        **options,
-    )
-    spectra = dict(zip(first, found, strict=True))
-    return [spectra[key] for key in keys]
+    return run(partial(recall, estimate=estimate), keys, rows, **options)
 
 
 def _estimated(key: str, row: Any, estimate: Callable[[Any], Spectrum]) -> Spectrum:

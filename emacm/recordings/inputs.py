@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from functools import partial
 from pathlib import PurePath
-from typing import Any, TypeVar
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -167,9 +167,18 @@ def paths_or_numbers(entries: Sequence[Any]) -> list[str | int]:
     return [printable(x.path) if hasattr(x, "path") else n for n, x in enumerate(entries)]
 
 
-def names_of(recordings: Sequence[Any]) -> list[Callable[[], str]]:
-    """Return functions that describe each recording, to be called where an error concerns it."""
-    return [partial(described, recording, index) for index, recording in enumerate(recordings)]
+def for_each(
+    function: Callable[[Any], Any], recordings: Sequence[Any], n_jobs: int | None = 1
+) -> list[Any]:
+    """Return what a function returns of each recording; an error names the recording.
+
+    Examples
+    --------
+    >>> for_each(len, ["A", "BC"])
+    [1, 2]
+    """
+    names = [partial(described, recording, index) for index, recording in enumerate(recordings)]
+    return run(function, recordings, names=names, n_jobs=n_jobs)
 
 
 def received(value: Any) -> str:
@@ -188,9 +197,6 @@ def received(value: Any) -> str:
     if name == "DataFrame" and not isinstance(value, pd.DataFrame):
         name = f"{type(value).__module__.partition('.')[0]} {name}, which is not a pandas one"
     return f"a {name}.{once_hint(value)}"
-
-
-Self = TypeVar("Self", bound="RecordingTransformer")
 
 
 class RecordingTransformer(  # type: ignore[call-arg]
@@ -219,7 +225,7 @@ class RecordingTransformer(  # type: ignore[call-arg]
         check_is_fitted(self)
         return np.array(self.channels_, dtype=object)
 
-    def set_output(self: Self, *, transform: str | None = None) -> Self:
+    def set_output(self, *, transform: str | None = None) -> Self:
         """Accept the option of `Pipeline.set_output`; it has no effect on recordings.
 
         Parameters

@@ -253,9 +253,7 @@ class Recording:
     @property
     def velocity(self) -> NDArray[np.floating]:
         """Shaft velocity [rad/s] at `shaft_fs`, differentiated where angle was given."""
-        if self.reference == "velocity":
-            return self._shaft
-        return np.gradient(self._shaft) * self.shaft_fs
+        return np.asarray(self._speed)
 
     @property
     def motion(self) -> tuple[Series, Series]:

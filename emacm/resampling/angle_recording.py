@@ -216,11 +216,7 @@ def _joined(blocks: Iterator[NDArray[np.floating]], n_rows: int) -> NDArray[np.f
 
 
 def interpolated(
-    rows: Sequence[Series],
-    fs: float,
-    path: ShaftPath,
-    theta_s: float,
-    interpolation: str,
+    rows: Sequence[Series], fs: float, path: ShaftPath, theta_s: float, interpolation: str
 ) -> Iterator[NDArray[np.floating]]:
     """Yield the rows at the grid angles, block by block.
 

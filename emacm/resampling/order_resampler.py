@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,7 @@ from emacm.recordings.inputs import (
     check_channel_names,
     check_channels,
     chosen_channels,
-    described,
+    for_each,
     received,
     run,
 )
@@ -242,9 +241,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         check_is_fitted(self)
         self._check_parameters()
         rows = self._rows(X, self.channels_)
-        for index, row in enumerate(rows):
-            with located(partial(described, row, index)):
-                self._check_motion(row)
+        for_each(self._check_motion, rows)
         return rows
 
     def quality(self, X: Any) -> pd.DataFrame:
@@ -335,13 +332,11 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             raise ValueError(
                 f"an array X must have shape (n_recordings, n_channels, n_times), got {X.shape}."
             )
-        recordings = []
-        for index, entry in enumerate(as_list(X)):
-            with located(partial(described, entry, index)):
-                recordings.append(entry if isinstance(entry, Recording) else self._from_bare(entry))
-        return recordings
+        return for_each(self._from_bare, as_list(X))
 
     def _from_bare(self, entry: Any) -> Recording:
+        if isinstance(entry, Recording):
+            return entry
         if isinstance(entry, AngleRecording):
             raise TypeError("it is over the shaft angle already; OrderResampler must come first.")
         if not isinstance(entry, np.ndarray | pd.DataFrame | list | tuple):
@@ -361,9 +356,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         shaft = channels[reference]
         if self.channels is None or reference not in self.channels:
             del channels[reference]
-        if self.reference_kind == "velocity":
-            return Recording(channels, self.fs, velocity=shaft)
-        return Recording(channels, self.fs, angle=shaft)
+        return Recording(channels, self.fs, **{self.reference_kind: shaft})
 
     def _check_motion(self, row: AngleRecording) -> None:
         """Check that the shaft turns, and that its reference has no impossible jump."""

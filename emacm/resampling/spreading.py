@@ -32,6 +32,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from emacm import _kernels
+from emacm._saved import Resumable
 from emacm.shaft.motion import Series, ShaftPath, mirrored
 
 
@@ -119,7 +120,7 @@ def upsampling(fs: float, fastest: float, theta_s: float) -> int:
     return 1 if reach <= fs / 2 else int(max(2.0, np.ceil(reach / fs + 0.58)))
 
 
-class Spreading:
+class Spreading(Resumable):
     """Band-limited resampling of one stroke, as far as it is known.
 
     Parameters
@@ -134,6 +135,8 @@ class Spreading:
         Largest angle by which the shaft turns back along the stroke [rad]; up to
         `GridDesign.least_reversal`, the result does not depend on it.
     """
+
+    held = ("_first", "_next", "_grid")
 
     def __init__(self, fs: float, factor: int, theta_s: float, max_reversal: float = 0.0) -> None:
         self._fs = fs
@@ -215,19 +218,11 @@ class Spreading:
         """Samples that are held for the mirror image at the end of the stroke."""
         return 0 if self._grid is None else len(self._grid.tail.travel)
 
-    def state(self) -> dict[str, Any]:
-        """Return what `restore` needs."""
-        if self._grid is None:
-            return {}
-        return {"first": self._first, "next": self._next, **self._grid.state()}
-
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue from a state."""
-        if state:
-            self._first, self._next = int(state["first"]), int(state["next"])
-            part = int(state["part"])
-            self._grid = FineGrid(state["means"], self._theta_s, part, self._max_reversal)
-            self._grid.restore(state)
+        if grid := state["_grid"]:
+            self._grid = FineGrid(grid["means"], self._theta_s, grid["_part"], self._max_reversal)
+        super().restore(state)
 
     def _dense_range(self, rows: Sequence[Series], path: ShaftPath) -> tuple[int, int]:
         """First and last + 1 of the dense samples on the path."""
@@ -293,7 +288,7 @@ class Block(NamedTuple):
         return self.cut(first, n_times)
 
 
-class FineGrid:
+class FineGrid(Resumable):
     """The fine grid of one stroke, of which only the part in work is held.
 
     Point `DESIGN.margin` + 2 j is the angle of output j.
@@ -317,6 +312,8 @@ class FineGrid:
     tail : Block
         Samples that a mirror image at the end of the stroke may contain.
     """
+
+    held = ("means", "tail", "_part", "_done", "_grid", "_used", "_reached")
 
     def __init__(
         self, means: NDArray[np.floating], theta_s: float, part: int, max_reversal: float
@@ -377,25 +374,6 @@ class FineGrid:
             filtered = (DESIGN.first, _decimating_filter()), self.means, (outputs, 0)
             self.loops.decimate(self._grid, self._used, *filtered, outputs.shape[1])
         return outputs
-
-    def state(self) -> dict[str, Any]:
-        """Return what the constructor and `restore` need."""
-        return {
-            "part": self._part,
-            "means": self.means,
-            "done": self._done,
-            "grid": self._grid[:, : self._used].copy(),
-            "reached": self._reached,
-            "near": self.tail.near,
-            "values": np.stack(self.tail.values),
-        }
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue from a state."""
-        self._done, self._reached = int(state["done"]), float(state["reached"])
-        self._grid = np.array(state["grid"])
-        self._used = self._grid.shape[1]
-        self.tail = Block(state["near"], list(state["values"]))
 
     def _n_complete(self, reached: Any) -> Any:
         """Count the outputs that no later sample changes."""

@@ -6,24 +6,12 @@
 - `pulse_times`, `angle_from_pulses`, `angle_from_tacho`: the shaft angle from a tachometer.
 """
 
-from emacm.shaft.angle import (
-    angle_from_currents,
-    angle_from_position,
-    angle_from_resolver,
-    angle_from_velocity,
-    angle_from_wrapped,
-)
-from emacm.shaft.tacho import angle_from_pulses, angle_from_tacho, pulse_times
-from emacm.shaft.vibration import angle_from_vibration
-
-__all__ = [
-    "angle_from_currents",
-    "angle_from_position",
-    "angle_from_pulses",
-    "angle_from_resolver",
-    "angle_from_tacho",
-    "angle_from_velocity",
-    "angle_from_vibration",
-    "angle_from_wrapped",
-    "pulse_times",
-]
+from emacm.shaft.angle import angle_from_currents as angle_from_currents
+from emacm.shaft.angle import angle_from_position as angle_from_position
+from emacm.shaft.angle import angle_from_resolver as angle_from_resolver
+from emacm.shaft.angle import angle_from_velocity as angle_from_velocity
+from emacm.shaft.angle import angle_from_wrapped as angle_from_wrapped
+from emacm.shaft.tacho import angle_from_pulses as angle_from_pulses
+from emacm.shaft.tacho import angle_from_tacho as angle_from_tacho
+from emacm.shaft.tacho import pulse_times as pulse_times
+from emacm.shaft.vibration import angle_from_vibration as angle_from_vibration

@@ -241,6 +241,12 @@ class ShaftPath:
         """Return the number of samples of `travel`."""
         return len(self.travel)
 
+    @property
+    def span(self) -> tuple[int, int]:
+        """First sample of the shaft reference on the path, and last + 1."""
+        first = round(self.start_time * self.fs)
+        return first, first + self.n_times
+
     @cached_property
     def length(self) -> float:
         """Angle from start to end [rad]."""

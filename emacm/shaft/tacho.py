@@ -110,11 +110,7 @@ class TachoAngle:
 
 
 def angle_from_pulses(
-    times: ArrayLike,
-    fs: float,
-    n_times: int,
-    *,
-    pulses_per_rev: float = 1,
+    times: ArrayLike, fs: float, n_times: int, *, pulses_per_rev: float = 1
 ) -> TachoAngle:
     """Interpolate the shaft angle between tacho pulses, after repair of missing and double pulses.
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import fft, ndimage
 from scipy.integrate import cumulative_trapezoid
 
-from emacm._checks import check_number, check_signal
+from emacm._checks import check_number, check_orders, check_signal
 from emacm.shaft.phase_refinement import Course, refined_speed
 from emacm.shaft.speed_evidence import Evidence, Whitened, find_comb, find_shaft, measure, whiten
 
@@ -178,7 +178,8 @@ def angle_from_vibration(
     fs = check_number(fs, "fs", above=0, unit="Hz")
     if not np.ptp(samples) > 0:
         raise ValueError("signal is constant, so it has no lines. Is the sensor connected?")
-    limits, known = _checked_speeds(speeds, fs), _checked_orders(orders)
+    limits = _checked_speeds(speeds, fs)
+    known = None if orders is None else np.sort(check_orders(orders))
     lines = np.arange(1.0, 25) if known is None else known
     steady_speed = None
     if known is None:
@@ -428,14 +429,6 @@ def _checked_speeds(speeds: tuple[float, float], fs: float) -> tuple[float, floa
     limits: dict[str, Any] = {"above": low, "below": np.pi * fs / 2, "unit": "rad/s"}
     high = check_number(speeds[1], "the highest speed", **limits)
     return low / (2 * np.pi), high / (2 * np.pi)
-
-
-def _checked_orders(orders: Sequence[float] | None) -> Array | None:
-    if orders is None:
-        return None
-    if isinstance(orders, str) or not isinstance(orders, Sequence | np.ndarray) or not len(orders):
-        raise TypeError(f"orders must be a list of numbers such as [1, 2], got {orders!r}.")
-    return np.unique([check_number(order, "an order", above=0) for order in orders])
 
 
 def orders_stand_out(

@@ -7,7 +7,7 @@ from math import ceil, floor
 
 import numpy as np
 
-from emacm.streams.packed_state import Resumable
+from emacm._saved import Resumable
 from emacm.streams.shaft_stream import HeldRows, Samples
 from emacm.streams.spectrum_stream import Settings
 

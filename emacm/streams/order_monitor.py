@@ -12,11 +12,12 @@ from numpy.typing import ArrayLike
 from sklearn.base import clone
 
 from emacm._checks import check_choice, check_number, check_real_array
+from emacm._saved import Resumable
 from emacm._version import __version__
 from emacm.recordings.arguments import check_durations, check_rates, check_shaft_rate
 from emacm.recordings.names import check_channel_names, chosen_channels
 from emacm.streams.intervals import IntervalCutter, Samples
-from emacm.streams.packed_state import Resumable, packed, unpacked
+from emacm.streams.packed_state import packed, unpacked
 from emacm.streams.spectrum_stream import Settings, SpectrumStream
 from emacm.streams.streamed_models import Reading, ReadingAlarms, StreamedModel
 
@@ -37,8 +38,6 @@ class StreamInput(Resumable):
         Rates and channels (of `names`), and highest speed of the shaft.
     wrapped : bool
         Whether angles are wrapped at 2π.
-    short : float
-        Blocks are collected until they are as long as this [s].
 
     Attributes
     ----------
@@ -49,18 +48,12 @@ class StreamInput(Resumable):
     held = ("_last", "_turns", "_collected", "n_collected")
 
     def __init__(
-        self,
-        channels: Sequence[str],
-        names: Sequence[str],
-        settings: Settings,
-        wrapped: bool,
-        *,
-        short: float = 0.05,
+        self, channels: Sequence[str], names: Sequence[str], settings: Settings, wrapped: bool
     ) -> None:
         self._channels, self._names = channels, names
         self._settings, self._wrapped = settings, wrapped
         one_rate = len({*settings.rates}) == 1  # of the channels and the shaft
-        self._n_short = int(short * settings.shaft_fs) if one_rate else 0
+        self._n_short = int(0.05 * settings.shaft_fs) if one_rate else 0  # as OrderMonitor states
         self.reset()
 
     def reset(self) -> None:

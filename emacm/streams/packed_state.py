@@ -1,48 +1,12 @@
-"""States of streams as bytes, and objects whose state is that of some of their attributes."""
+"""States of streams as bytes."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from io import BytesIO
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
-
-
-class Resumable:
-    """An object that can be continued from the values of some attributes.
-
-    Attributes
-    ----------
-    held : tuple of str
-        Names of these attributes; all, if there are none. They are arrays, numbers, texts, named
-        tuples, objects that have `state` and `restore`, and lists and dictionaries of them. An
-        object is continued, so it must have been made: of a dictionary of objects, those that are
-        in the state are kept.
-    """
-
-    held: ClassVar[tuple[str, ...]] = ()
-
-    def state(self) -> dict[str, Any]:
-        """Return all that `restore` needs."""
-        return {name: getattr(self, name) for name in self.held or vars(self)}
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue from a state that was packed and unpacked."""
-        for name, value in self.state().items():
-            setattr(self, name, _restored_value(value, state[name]))
-
-
-def _restored_value(value: Any, state: Any) -> Any:
-    if hasattr(value, "restore"):
-        value.restore(state)
-        return value
-    if isinstance(value, dict):
-        return {k: _restored_value(v, state[k]) for k, v in value.items() if k in state}
-    if isinstance(value, list) and any(hasattr(item, "restore") for item in value):
-        return [_restored_value(*pair) for pair in zip(value, state, strict=True)]
-    return value._make(state) if hasattr(value, "_make") else state
 
 
 def packed(state: dict[str, Any]) -> bytes:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm import _kernels
+from emacm._saved import Resumable
 from emacm.shaft.motion import (
     DifferentiatedVelocity,
     LazySeries,
@@ -18,7 +19,6 @@ from emacm.shaft.motion import (
     extend_strokes,
     longest_gap,
 )
-from emacm.streams.packed_state import Resumable
 
 Samples = NDArray[np.floating]
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from emacm._saved import Resumable
 from emacm._statements import Statement
 from emacm.findings.quality import MOST_OFFSET, Quality, check_channel
 from emacm.orders.segment_plan import SectionCutter, SegmentPlan
 from emacm.resampling.order_resampler import OrderResampler
 from emacm.resampling.spreading import DESIGN, Spreading, upsampling
 from emacm.shaft.motion import DIRECTIONS, ShaftPath
-from emacm.streams.packed_state import Resumable
 from emacm.streams.shaft_stream import GrowingStroke, HeldRows, HeldSeries, ShaftStream
 
 Array = NDArray[np.floating]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
+from emacm._saved import Resumable
 from emacm._statements import Statement
 from emacm.decisions.pipelines import search_estimator
 from emacm.explanations.deviations import second_state_statement
@@ -19,7 +20,6 @@ from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.digests import model_digest
 from emacm.resampling.order_resampler import OrderResampler
-from emacm.streams.packed_state import Resumable
 
 Array = NDArray[np.floating]
 
@@ -31,26 +31,22 @@ class ReadingAlarms(Resumable):
     ----------
     unknown : label
         Decision that is an alarm.
-    typicality : float, default=0.01
-        Typicality at or below which a reading is untypical.
-    consecutive : int, default=2
-        Successive untypical readings that give an alarm.
     """
 
     held = ("_n_untypical",)
 
-    def __init__(self, unknown: Any, *, typicality: float = 0.01, consecutive: int = 2) -> None:
-        self._unknown, self._typicality, self._consecutive = unknown, typicality, consecutive
-        self._n_untypical = 0
+    def __init__(self, unknown: Any) -> None:
+        self._unknown, self._n_untypical = unknown, 0
 
     def update(self, reading: Reading) -> tuple[str, ...]:
         """Return the alarms of the next reading, in words."""
         found = [*filter(None, [reading.error]), *(defect.text for defect in reading.defects)]
         if reading.decision == self._unknown:
             found.append("unknown state")
-        is_untypical = reading.typicality is not None and reading.typicality <= self._typicality
+        # As few as one in a hundred of the training are; that two in succession are is no chance.
+        is_untypical = reading.typicality is not None and reading.typicality <= 0.01
         self._n_untypical = self._n_untypical + 1 if is_untypical else 0
-        if self._n_untypical >= self._consecutive:
+        if self._n_untypical >= 2:
             found.append(f"{self._n_untypical} successive untypical readings")
         return tuple(found)
 
@@ -195,8 +191,8 @@ class StreamedModel:
         outside = known.outside(quality, {})
         defects = known.unusual(quality) + [stated for stated in outside if stated.severe] + lines
         decided = self._decided(table)
-        if hasattr(self.classifier, "second_states"):
-            (second,) = self.classifier.second_states(table, [decided["decision"]])
+        if second_states := getattr(self.classifier, "second_states", None):
+            (second,) = second_states(table, [decided["decision"]])
             if second is not None:
                 text = second_state_statement(decided["decision"], second)
                 lines.append(Statement("second state", "", text))
@@ -213,10 +209,10 @@ class StreamedModel:
 
     def _decided(self, table: Any) -> dict[str, Any]:
         """Return the fields of a reading that the classifier states."""
-        found: dict[str, Any] = {}
         final = self.classifier
         if final is None:
-            return found
+            return {}
+        found: dict[str, Any] = {}
         found["posterior"] = _labelled(final.classes_, final.predict_proba(table)[0])
         if getattr(final, "unknown", None) is not None:
             found["unknown_proba"] = float(final.unknown_proba(table)[0])

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from emacm._checks import check_count
 from emacm._statements import warn
-from emacm.recordings.inputs import as_recordings, run
-from emacm.resampling.angle_recording import AngleRecording, as_angle_recordings
+from emacm.recordings.inputs import for_each
+from emacm.resampling.angle_recording import as_angle_recordings
 from emacm.stroke_features.statistics import normalized_moment
 from emacm.stroke_features.transformer import MAX_COLUMNS, StrokeFeatures, StrokeSignal
 
@@ -29,6 +29,15 @@ class _RevolutionFeatures(StrokeFeatures):
     """Base of features of averaged revolutions, which have the same number of samples each."""
 
     _needs_angle = True
+
+    def __init__(
+        self,
+        *,
+        channels: Sequence[str] | None = None,
+        by_direction: bool | str = "auto",
+        n_jobs: int | None = None,
+    ) -> None:
+        super().__init__(channels, by_direction, 0.0, 1.0, n_jobs)
 
     def fit(self, X: Any, y: Any = None) -> Self:
         """Set the channels, the samples per revolution and the names of the columns.
@@ -115,15 +124,6 @@ class SynchronousAverage(_RevolutionFeatures):
     >>> average.round(2)[0, :5].tolist()
     [1.0, 0.0, -1.0, 0.0, 1.0]
     """
-
-    def __init__(
-        self,
-        *,
-        channels: Sequence[str] | None = None,
-        by_direction: bool | str = "auto",
-        n_jobs: int | None = None,
-    ) -> None:
-        super().__init__(channels, by_direction, 0.0, 1.0, n_jobs)
 
     def _feature_names(self) -> list[str]:
         if self._n_samples > MAX_COLUMNS:
@@ -216,7 +216,7 @@ class GearIndicators(_RevolutionFeatures):
         by_direction: bool | str = "auto",
         n_jobs: int | None = None,
     ) -> None:
-        super().__init__(channels, by_direction, 0.0, 1.0, n_jobs)
+        super().__init__(channels=channels, by_direction=by_direction, n_jobs=n_jobs)
         self.teeth = teeth
 
     def fit(self, X: Any, y: Any = None) -> Self:
@@ -239,8 +239,7 @@ class GearIndicators(_RevolutionFeatures):
             If a parameter or X is invalid.
         """
         super().fit(X)
-        rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
-        moments = self._moments(run(self._row, rows, n_jobs=self.n_jobs))
+        moments = self._moments(for_each(self._row, X, self.n_jobs))
         self.ensemble_ = moments[:, :, 6:8].mean(axis=0)
         return self
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_choice, check_count, check_number
+from emacm._checks import check_choice, check_count, check_orders
 from emacm.orders.columns import number_name
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
@@ -297,16 +296,6 @@ def whole_revolutions(travel: ArrayLike, section: int = 0, n_sections: int = 1) 
     spare = (high - low - revolutions * (2 * np.pi)) / 2
     first, last = np.searchsorted(run, np.array([low + spare, high - spare]) - 1e-6 * step)
     return slice(int(first), int(last)) if last - first > 1 else None
-
-
-def check_orders(orders: Any) -> tuple[float, ...]:
-    """Return orders as floats: positive, each once."""
-    if isinstance(orders, str) or not isinstance(orders, Sequence | np.ndarray):
-        raise TypeError(f"orders must be a list of numbers such as [1, 2], got {orders!r}.")
-    unique = tuple(check_number(order, "an order", above=0) for order in orders)
-    if not unique or len(set(unique)) < len(unique):
-        raise ValueError(f"orders must contain each order once, got {list(unique)}.")
-    return unique
 
 
 def _without_trend(rows: Array, theta: Array, weight: Array) -> Array:

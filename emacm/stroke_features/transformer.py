@@ -7,28 +7,18 @@ A column is named ``channel+:feature`` for forward strokes, ``channel-:feature``
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.base import TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, check_number, located
-from emacm._saved import SavedEstimator
 from emacm._statements import Statement
 from emacm.findings.quality import forward_share
 from emacm.findings.training_range import Range, direction_statements
-from emacm.orders.columns import check_input_names
-from emacm.recordings.inputs import (
-    as_recordings,
-    check_channels,
-    chosen_channels,
-    described,
-    names_of,
-    run,
-)
+from emacm.orders.columns import NamedColumns
+from emacm.recordings.inputs import as_recordings, check_channels, chosen_channels, for_each
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
 from emacm.shaft.motion import ShaftPath
@@ -72,7 +62,7 @@ WAYS = {"+": (1, "forward"), "-": (-1, "reverse")}
 MAX_COLUMNS = 10_000  # of one channel and direction; more is a mistyped parameter
 
 
-class StrokeFeatures(TransformerMixin, SavedEstimator):
+class StrokeFeatures(NamedColumns):
     """Base class of the transformers from recordings to named feature columns.
 
     Subclasses have these and other parameters, and implement `_check_own_parameters`,
@@ -127,12 +117,13 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
             self._known_forward = min(shares), max(shares)
         self._check_rows(rows)
         signs = WAYS if self.by_direction_ else ("",)
-        self._columns_out = [
+        self._names_in, self._n_in = None, len(self.channels_)
+        self._columns_out = tuple(
             f"{channel}{sign}:{name}"
             for channel in self.channels_
             for sign in signs
             for name in self._feature_names()
-        ]
+        )
         return self
 
     def transform(self, X: Any) -> NDArray[np.float64]:
@@ -158,7 +149,7 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         self._check_parameters()
         rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
         self._check_rows(rows)
-        features = run(self._row, rows, names=names_of(rows), n_jobs=self.n_jobs)
+        features = for_each(self._row, rows, self.n_jobs)
         return self._checked_table(np.array(features, dtype=np.float64))
 
     def outside_training(self, X: Any) -> list[list[Statement]]:
@@ -178,23 +169,6 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         if (known := self._known_forward) is None:
             return [[] for _ in X]
         return [direction_statements(forward_share(self._strokes(row)), known) for row in X]
-
-    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
-        """Return the names of the columns.
-
-        Parameters
-        ----------
-        input_features : array-like of str, optional
-            Names of the channels, which are checked.
-
-        Returns
-        -------
-        ndarray of str
-        """
-        check_is_fitted(self)
-        if input_features is not None:
-            check_input_names(input_features, None, len(self.channels_))
-        return np.array(self._columns_out, dtype=object)
 
     def __sklearn_tags__(self) -> Any:
         """Declare that X is a list of recordings, not a 2-D table."""
@@ -240,18 +214,16 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
     def _check_rows(self, rows: Sequence[Row]) -> None:
         """Raise if recordings differ from those of `fit`."""
         check_channels(rows, self.channels_, others=self.channels is not None)
-        for index, row in enumerate(rows):
-            with located(partial(described, row, index)):
-                if isinstance(row, AngleRecording) != self._over_angle:
-                    kinds = ("over time", "over the shaft angle")
-                    raise ValueError(
-                        f"it is {kinds[not self._over_angle]}, but {type(self).__name__} was "
-                        f"fitted on recordings {kinds[self._over_angle]}. Fit it again."
-                    )
-                self._check_row(row)
+        for_each(self._check_row, rows)
 
     def _check_row(self, row: Row) -> None:
-        """Raise if a recording does not match the parameters."""
+        """Raise if a recording does not match those of `fit`, or the parameters."""
+        if isinstance(row, AngleRecording) != self._over_angle:
+            kinds = ("over time", "over the shaft angle")
+            raise ValueError(
+                f"it is {kinds[not self._over_angle]}, but {type(self).__name__} was fitted on "
+                f"recordings {kinds[self._over_angle]}. Fit it again."
+            )
         if not isinstance(row, AngleRecording):
             return
         if row.direction == "travel" and (self.by_direction_ or self._needs_angle):

@@ -265,7 +265,7 @@ def test_the_speed_of_a_real_motor_is_that_of_its_harmonics(bearings, name, rpm)
         ({"speeds": SPEEDS, "parts": 5}, TypeError, "parts must be such as Bearing"),
         ({"speeds": SPEEDS, "parts": {"mesh": -1}}, ValueError, "mesh must be a number"),
         ({"speeds": SPEEDS, "parts": [Motor(6)]}, ValueError, "no line off the orders"),
-        ({"speeds": SPEEDS, "orders": []}, TypeError, r"a list of numbers such as \[1, 2\]"),
+        ({"speeds": SPEEDS, "orders": []}, ValueError, "orders must contain each order once"),
         ({"speeds": SPEEDS, "orders": [0]}, ValueError, "an order must be a number above 0"),
     ],
 )
