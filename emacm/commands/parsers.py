@@ -195,7 +195,7 @@ def _score(command: Add) -> None:
     )
     _add_model(add)
     _add_files(add)
-    table = "table (.csv, .jsonl, .parquet) or history (.sqlite) to go on; default: CSV, printed"
+    table = "table (.csv, .jsonl) or history (.sqlite) to go on; default: CSV, printed"
     add("--out", _writable, "FILE", table)
     add("--features", bool, None, "store features in the history, for train --like")
     add_jobs(add, "files")
