@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
         0; 1 if, with ``--fail-on-alarm``, the latest recording of a unit exceeds its limit; 3 if
         files failed.
     """
-    table, n_groups = _trend_of_files(options, Layout.from_toml(options.layout))
+    table, n_groups = _trend_of_files(options)
     with nullcontext(sys.stdout) if options.out is None else written_whole(options.out) as out:
         table.map(as_cell).to_csv(out, index=False)
     if options.plot is not None:
@@ -87,10 +87,9 @@ def _meanings(latest: pd.DataFrame, n_groups: Mapping[str, int]) -> list[str]:
     return sentences
 
 
-def _trend_of_files(
-    options: argparse.Namespace, layout: Layout
-) -> tuple[pd.DataFrame, dict[str, int]]:
+def _trend_of_files(options: argparse.Namespace) -> tuple[pd.DataFrame, dict[str, int]]:
     """Return the distances of files from healthy ones, and how many groups each limit is from."""
+    layout = Layout.from_toml(options.layout)
     if options.machine is not None:
         severity_zone(0.0, options.machine)  # an unknown class is refused before files are read
     paths = recording_files(options.paths, layout, options.pattern)
