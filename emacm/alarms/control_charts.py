@@ -121,11 +121,7 @@ class _Chart(SavedEstimator):
         self.scale_ = np.where(constant, np.inf, scale)
         self.limit_ = limit
         self.run_length_: RunLength = stated_run_length(
-            X[order][:, ~constant],
-            numbers[order],
-            self._next,
-            limit,
-            self._run_length(limit, 0.0),
+            X[order][:, ~constant], numbers[order], self._next, limit, self._run_length(limit, 0.0)
         )
         _warn_of_drift(X[order], numbers[order])
         self.reset()

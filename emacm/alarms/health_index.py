@@ -191,12 +191,7 @@ class HealthIndex(TransformerMixin, SavedEstimator):
     1.49
     """
 
-    def __init__(
-        self,
-        false_alarm: float = 0.05,
-        *,
-        few_groups: str = "refuse",
-    ) -> None:
+    def __init__(self, false_alarm: float = 0.05, *, few_groups: str = "refuse") -> None:
         self.false_alarm = false_alarm
         self.few_groups = few_groups
 

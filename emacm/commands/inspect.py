@@ -9,13 +9,7 @@ import numpy as np
 
 from emacm._checks import located
 from emacm._saved import written_whole
-from emacm.files.drafts import (
-    FileContents,
-    contents_of,
-    contents_table,
-    draft_layout,
-    files_table,
-)
+from emacm.files.drafts import FileContents, contents_of, contents_table, draft_layout, files_table
 from emacm.files.folder import recording_files
 from emacm.recordings.names import printable
 

@@ -195,7 +195,7 @@ def _score(command: Add) -> None:
     )
     _add_model(add)
     _add_files(add)
-    table = "table (.csv, .jsonl, .parquet) or history (.sqlite) to go on; default: CSV, printed"
+    table = "table (.csv, .jsonl) or history (.sqlite) to go on; default: CSV, printed"
     add("--out", _writable, "FILE", table)
     add("--features", bool, None, "store features in the history, for train --like")
     add_jobs(add, "files")
@@ -294,12 +294,10 @@ def _trend(command: Add) -> None:
         "0; 1 if --fail-on-alarm is given and the latest recording of a unit exceeds its limit; 2 "
         "for invalid arguments; 3 if files failed.",
     )
-    add("healthy", _existing, "HEALTHY", "folder of healthy files", nargs="?")
-    _add_files(add, "*")
-    add("--groups", str, "FIELD", "run of a healthy file: a field of the layout's meta")
-    results = "table of emacm score, not files; the index is -log10 of P(healthy) or typicality"
-    add("--results", _existing, "TABLE", results)
-    add("--state", str, "LABEL", "healthy state in TABLE; default: healthy or normal")
+    add("healthy", _existing, "HEALTHY", "folder of healthy files")
+    _add_files(add)
+    groups = "run of a healthy file: a field of the layout's meta"
+    add("--groups", str, "FIELD", groups, required=True)
     _add_parts(add)
     _add_unit_and_time(add)
     add("--false-alarm", _probability, "P", "rate (default: 0.05)", default=0.05)
@@ -381,10 +379,10 @@ def _record(text: str) -> Path:
     return _writable(text)
 
 
-def _add_files(add: Add, number: str = "+", *, needs_layout: bool = True) -> None:
+def _add_files(add: Add, *, needs_layout: bool = True) -> None:
     """Add the files that a command reads, and their layout."""
     kind = Path if needs_layout else _existing  # of others, one that is gone has a row or a page
-    add("paths", kind, "PATH", "files, or folders of files", nargs=number)
+    add("paths", kind, "PATH", "files, or folders of files", nargs="+")
     default = "" if needs_layout else "; default: a draft that leaves nothing open"
     layout = f"layout of the files (TOML){default}"
     add("--layout", _existing, "L", layout, required=needs_layout)

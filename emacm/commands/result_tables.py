@@ -36,7 +36,7 @@ def result_table(path: Path | None, model: Any, *, with_features: bool = False) 
     Parameters
     ----------
     path : Path or None
-        A file that ends with .csv, .jsonl, .parquet, .sqlite or .db.
+        A file that ends with .csv, .jsonl, .sqlite or .db.
     model : estimator
         Fitted classifier.
     with_features : bool
@@ -55,8 +55,8 @@ def result_table(path: Path | None, model: Any, *, with_features: bool = False) 
         return PrintedTable(columns_of(model))
     if is_history(path):
         return HistoryTable(path, model_digest(model[:-1]) if with_features else None)
-    if path.suffix not in (".csv", ".jsonl", ".parquet"):
-        raise ValueError(f"{str(path)!r} must end with one of .csv, .jsonl, .parquet, .sqlite.")
+    if path.suffix not in (".csv", ".jsonl"):
+        raise ValueError(f"{str(path)!r} must end with one of .csv, .jsonl, .sqlite.")
     return ResultTable(path, columns_of(model, of_streams=path.suffix == ".jsonl"))
 
 
@@ -75,10 +75,6 @@ class Table:
     def append(self, row: Row, features: Any) -> Row:
         """Write one row, and return what `read` will return of it."""
         raise NotImplementedError
-
-    def finish(self, rows: Sequence[Row]) -> None:
-        """Write these rows as `write` does, in the type of the file."""
-        self.write(rows)
 
 
 class PrintedTable(Table):
@@ -118,13 +114,10 @@ class HistoryTable(Table):
 class ResultTable(Table):
     """Rows in a file, each written as soon as it is known.
 
-    A parquet file cannot be appended to: until `finish`, its rows are in a text file in the same
-    folder, whose name ends with ".jsonl".
-
     Parameters
     ----------
     path : Path
-        A file that ends with .csv, .jsonl or .parquet.
+        A file that ends with .csv or .jsonl.
     columns : sequence of str
         Columns, in this order.
     """
@@ -133,9 +126,7 @@ class ResultTable(Table):
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
         self.path, self.columns = path.resolve(), list(columns)
-        self._parquet = path.suffix == ".parquet"
-        self._written = Path(f"{self.path}.jsonl") if self._parquet else self.path
-        self._as_json = self._written.suffix == ".jsonl"
+        self._as_json = path.suffix == ".jsonl"
 
     def read(self) -> list[Row]:
         """Return the rows that were written before; an incomplete last row is left out.
@@ -145,20 +136,17 @@ class ResultTable(Table):
         ValueError
             If the file is not a table of such results.
         """
-        path = self._written if self._written.exists() else self.path
-        if not path.exists() or not path.stat().st_size:
+        if not self.path.exists() or not self.path.stat().st_size:
             return []
         try:
-            return _rows_of(self._frame(path), self.columns)
+            return _rows_of(self._frame(), self.columns)
         except (ValueError, TypeError, AttributeError) as error:
             raise ValueError(
-                f"{path} is no table of these results: {error}. Choose another file for --out."
+                f"{self.path} is no table of these results: {error}. Choose another file for --out."
             ) from error
 
-    def _frame(self, path: Path) -> pd.DataFrame:
-        if path.suffix == ".parquet":
-            return pd.read_parquet(path)
-        text = path.read_bytes().decode("utf-8")  # line ends within names are kept
+    def _frame(self) -> pd.DataFrame:
+        text = self.path.read_bytes().decode("utf-8")  # line ends within names are kept
         complete = text[: text.rfind("\n") + 1]
         if not self._as_json:
             return pd.read_csv(io.StringIO(complete), dtype=str, keep_default_na=False).map(of_cell)
@@ -166,32 +154,24 @@ class ResultTable(Table):
 
     def write(self, rows: Sequence[Row]) -> None:
         """Write these rows in place of all others."""
-        with written_whole(self._written) as unfinished:
+        with written_whole(self.path) as unfinished:
             unfinished.write_bytes(self._content(rows, heading=True))
 
     def append(self, row: Row, features: Any) -> Row:
         """Write one row to the disk, all of it or nothing with an error, and return it."""
-        size = self._written.stat().st_size
+        size = self.path.stat().st_size
         try:
-            with open(self._written, "ab") as file:
+            with open(self.path, "ab") as file:
                 file.write(self._content([row]))
         except OSError as error:
-            os.truncate(self._written, size)
-            error.filename = str(self._written)
+            os.truncate(self.path, size)
+            error.filename = str(self.path)
             raise
         return row
 
     def _content(self, rows: Sequence[Row], *, heading: bool = False) -> bytes:
         text = lines_of(rows, self.columns, as_json=self._as_json, heading=heading)
         return text.encode("utf-8", "backslashreplace")
-
-    def finish(self, rows: Sequence[Row]) -> None:
-        """Write these rows in place of all others, in the type of the file."""
-        self.write(rows)
-        if self._parquet:
-            with written_whole(self.path) as unfinished:
-                pd.DataFrame(rows, columns=self.columns).to_parquet(unfinished, index=False)
-            self._written.unlink()
 
 
 def lines_of(

@@ -95,7 +95,7 @@ class _Work:
         others = [row for row in self._done.values() if row["recording"] not in names]
         is_new = [(row["recording"], row["id"]) not in self._done for row in rows]
         self._done = {(row["recording"], row["id"]): row for row in [*rows, *others]}
-        self._table.finish([*rows, *others])
+        self._table.write([*rows, *others])
         if self._reports is not None and rows:
             self._reports.update(pd.DataFrame(rows).assign(path=paths, is_new=is_new))
             self._reports.write_fleet(() if is_history(self._options.out) else self._done.values())

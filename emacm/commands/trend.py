@@ -1,4 +1,4 @@
-"""The command ``emacm trend``: health index of each unit over time, from files or results."""
+"""The command ``emacm trend``: health index of each unit over time."""
 
 from __future__ import annotations
 
@@ -8,12 +8,10 @@ from collections.abc import Mapping
 from contextlib import nullcontext
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from sklearn.base import clone
 from sklearn.pipeline import FeatureUnion, make_pipeline
 
-from emacm._checks import located
 from emacm._saved import written_whole
 from emacm.alarms.health_index import HealthIndex, health_trend
 from emacm.calibration.left_out import groups_needed
@@ -26,14 +24,13 @@ from emacm.machine.bearing_recipe import bearing_recipe
 from emacm.machine.severity_zones import severity_zone, vibration_indicators
 from emacm.recordings.meta import read_meta
 from emacm.recordings.names import printable
-from emacm.reports.facts import healthy_label
-from emacm.reports.inputs import as_cell, read_results, units_and_times, with_units_and_times
+from emacm.reports.inputs import as_cell, units_and_times
 
 ALARM, FAILED = 1, 3  # exit status
 
 
 def run(options: argparse.Namespace) -> int:
-    """Fit a health index on healthy files, and state the trend of others; or read it from results.
+    """Fit a health index on healthy files, and state the trend of others.
 
     Returns
     -------
@@ -41,9 +38,7 @@ def run(options: argparse.Namespace) -> int:
         0; 1 if, with ``--fail-on-alarm``, the latest recording of a unit exceeds its limit; 3 if
         files failed.
     """
-    layout = Layout.from_toml(options.layout)
-    found = _from_files if options.results is None else _from_results
-    table, n_groups = found(options, layout)
+    table, n_groups = _trend_of_files(options)
     with nullcontext(sys.stdout) if options.out is None else written_whole(options.out) as out:
         table.map(as_cell).to_csv(out, index=False)
     if options.plot is not None:
@@ -83,7 +78,7 @@ def _meanings(latest: pd.DataFrame, n_groups: Mapping[str, int]) -> list[str]:
     for (baseline, limit, rate), _ in latest.groupby(["baseline", "limit", "false_alarm"]):
         text = f"Limit {limit:.2f} ({baseline}): {rate:.1%} of healthy recordings exceed it"
         needed = groups_needed(1 - rate)
-        if baseline in n_groups and n_groups[baseline] < needed:
+        if n_groups[baseline] < needed:
             text += (
                 f", if the logarithm of the index is normal: {n_groups[baseline]} healthy groups "
                 f"cannot show this rate, {needed} are needed"
@@ -92,12 +87,9 @@ def _meanings(latest: pd.DataFrame, n_groups: Mapping[str, int]) -> list[str]:
     return sentences
 
 
-def _from_files(options: argparse.Namespace, layout: Layout) -> tuple[pd.DataFrame, dict[str, int]]:
+def _trend_of_files(options: argparse.Namespace) -> tuple[pd.DataFrame, dict[str, int]]:
     """Return the distances of files from healthy ones, and how many groups each limit is from."""
-    if options.healthy is None or not options.paths or options.groups is None:
-        raise ValueError(
-            "trend needs a folder of HEALTHY files, PATHs of others and --groups; or --results."
-        )
+    layout = Layout.from_toml(options.layout)
     if options.machine is not None:
         severity_zone(0.0, options.machine)  # an unknown class is refused before files are read
     paths = recording_files(options.paths, layout, options.pattern)
@@ -129,37 +121,3 @@ def _from_files(options: argparse.Namespace, layout: Layout) -> tuple[pd.DataFra
                 own |= dict(zip(names, model[:-1].transform([recording])[0], strict=True))
     n_groups = index.left_out_.groupby("baseline")["group"].nunique().to_dict()
     return table.join(pd.DataFrame(rows, index=table.index)), n_groups
-
-
-def _from_results(
-    options: argparse.Namespace, layout: Layout
-) -> tuple[pd.DataFrame, dict[str, int]]:
-    """Return the trend of typicality and P(healthy) in a table of `score`; nothing is computed."""
-    if any(x is not None for x in (options.healthy, options.groups, options.machine)):
-        raise ValueError(
-            "with --results, trend reads that table: leave out HEALTHY, --groups and --machine."
-        )
-    found = with_units_and_times(read_results(options.results), layout, options.unit, options.time)
-    with located(str(options.results)):
-        states = [
-            name[2:-1] for name in found.columns if name.startswith("P(") and name != "P(unknown)"
-        ]
-        healthy = f"P({healthy_label(states, options.state, '--state')})"
-        columns = [name for name in (healthy, "typicality") if name in found.columns]
-        values = found[columns].apply(pd.to_numeric, errors="coerce")
-    least = values.min(axis=1).clip(lower=np.finfo(np.float64).tiny)  # NaN is left out
-    error = found["error"].fillna("").astype(str) if "error" in found.columns else ""
-    table = pd.DataFrame(
-        {
-            "unit": found["unit"] if "unit" in found.columns else "all",
-            "time": found["time"],
-            "index": -np.log10(least),
-            "limit": -np.log10(options.false_alarm),
-            "alarm": least < options.false_alarm,
-            "false_alarm": options.false_alarm,
-            "baseline": "population",
-            "recording": found["recording"],
-            "error": error,
-        }
-    )
-    return table.sort_values(["unit", "time"], kind="stable", ignore_index=True), {}

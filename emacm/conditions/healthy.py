@@ -12,12 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from emacm._checks import located
 from emacm.decisions.truths import label_list, plain_labels
 from emacm.recordings.inputs import RecordingTransformer, described, entry_name, received
-from emacm.recordings.meta import (
-    condition_name,
-    listed_recordings,
-    read_meta,
-    sorted_conditions,
-)
+from emacm.recordings.meta import condition_name, listed_recordings, read_meta, sorted_conditions
 
 
 class Healthy(NamedTuple):

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
 from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from sklearn.pipeline import Pipeline
+from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.utils import check_consistent_length
 
 from emacm._checks import check_number
@@ -40,8 +39,8 @@ def check_values(
         its index.
     """
     array = np.asarray(values, np.float64)
-    lengths = zip_longest(shape, array.shape, fillvalue=-1)
-    if any(wanted not in (None, found) for wanted, found in lengths):
+    wanted = tuple(n if k is None else k for k, n in zip(shape, array.shape, strict=False))
+    if array.ndim != len(shape) or array.shape != wanted:
         raise ValueError(f"{name} must have shape {shape} (None: any), got {array.shape}.")
     invalid = np.argwhere(~np.isfinite(array) | (array < least)).tolist()
     if invalid:
@@ -204,39 +203,21 @@ def means_by_label(
     return dict(zip(means.index.map(str), means.to_numpy(), strict=True))
 
 
-def pipeline_until(
-    estimator: Any, matches: Callable[[Any], bool], wanted: str
-) -> tuple[Any, Any | None]:
-    """Find a step of a fitted pipeline.
-
-    Parameters
-    ----------
-    estimator : estimator or Pipeline
-        Where to look.
-    matches : callable
-        Whether a step is the wanted one.
-    wanted : str
-        Its name, for the message.
-
-    Returns
-    -------
-    step : estimator
-        The last one that matches.
-    before : Pipeline or None
-        The steps before it, if there are any.
+def pipeline_to(estimator: Any, kind: type) -> Pipeline:
+    """Return the steps of a fitted pipeline up to the last one of a kind.
 
     Raises
     ------
     ValueError
-        If no step matches.
+        If there is no such step.
     """
-    steps = estimator.steps if isinstance(estimator, Pipeline) else [("", estimator)]
-    places = [i for i, (_, step) in enumerate(steps) if matches(step)]
+    pipeline = estimator if isinstance(estimator, Pipeline) else make_pipeline(estimator)
+    places = [number for number, step in enumerate(pipeline, 1) if isinstance(step, kind)]
     if not places:
         raise ValueError(
-            f"estimator must be or contain {wanted}; its steps are {[step for _, step in steps]}."
+            f"estimator must be or contain {kind.__name__}; its steps are {[*pipeline]}."
         )
-    return steps[places[-1]][1], (estimator[: places[-1]] if places[-1] else None)
+    return pipeline[: places[-1]]
 
 
 @dataclass(eq=False, repr=False, kw_only=True)

@@ -100,11 +100,9 @@ class PowerDisplay(drawn_values.OrderDisplay):
         TypeError, ValueError
             If the pipeline has no such step, and as for `from_table`.
         """
-        step, before = drawn_values.pipeline_until(
-            estimator, lambda s: isinstance(s, cls._step), cls._step.__name__
-        )
-        values = step.transform(X if before is None else before.transform(X))
-        table = pd.DataFrame(np.asarray(values), columns=step.get_feature_names_out())
+        pipeline = drawn_values.pipeline_to(estimator, cls._step)
+        step, values = pipeline[-1], np.asarray(pipeline.transform(X))
+        table = pd.DataFrame(values, columns=step.get_feature_names_out())
         known = {option: getattr(step, option) for option in cls._from_step}
         known["envelopes"] = drawn_values.envelopes_of(estimator)
         known["unit"] = drawn_values.units_in(X) or "unit"

@@ -15,13 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import norm, t
 
-from emacm._checks import check_count, check_number
+from emacm._checks import check_number
 
 Array = NDArray[np.float64]
 
@@ -119,16 +119,16 @@ class GroupBootstrap:
     ----------
     confidence : float
         Confidence level of the intervals, above 0 and below 1.
-    n_resamples : int
-        Number of bootstrap draws, at least 100.
-    random_state : int, Generator or None
-        Seed. Equal groups and seeds give equal draws, so that differences of two results are
-        paired.
 
     Raises
     ------
     TypeError, ValueError
-        If `confidence` or `n_resamples` is outside its range.
+        If `confidence` is outside its range.
+
+    Notes
+    -----
+    There are 2000 draws. Equal groups give equal draws, so that differences of two results are
+    paired.
 
     Examples
     --------
@@ -142,18 +142,15 @@ class GroupBootstrap:
     """
 
     confidence: float = 0.95
-    n_resamples: int = 2000
-    random_state: Any = 0
 
     def __post_init__(self) -> None:
-        """Check the level and the number of draws."""
+        """Check the level."""
         check_number(self.confidence, "confidence", above=0, below=1)
-        check_count(self.n_resamples, "n_resamples", at_least=100)
 
     def times(self, n_groups: int) -> Array:
-        """Return how often each group is drawn, shape (n_resamples, n_groups)."""
-        rng, shares = np.random.default_rng(self.random_state), np.full(n_groups, 1 / n_groups)
-        return rng.multinomial(n_groups, shares, self.n_resamples).astype(float)
+        """Return how often each group is drawn, shape (n_draws, n_groups)."""
+        shares = np.full(n_groups, 1 / n_groups)
+        return np.random.default_rng(0).multinomial(n_groups, shares, 2000).astype(float)
 
     def draws(self, tallies: Mapping[str, Tally], groups: ArrayLike) -> dict[str, Array]:
         """Compute figures of merit for each draw of groups.
@@ -167,7 +164,7 @@ class GroupBootstrap:
 
         Returns
         -------
-        dict of str to ndarray of shape (n_resamples,)
+        dict of str to ndarray of shape (n_draws,)
             NaN for draws that miss a cell of the figure, and for a figure without any cell.
         """
         names, codes = np.unique(np.asarray(groups), return_inverse=True)

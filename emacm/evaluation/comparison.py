@@ -32,8 +32,6 @@ class Comparison(Printed):
         Hold-out scheme that is compared.
     reference : str
         Name of the evaluation from which the others differ.
-    bootstrap : GroupBootstrap
-        Confidence level of the intervals, number of draws and seed.
     """
 
     table: pd.DataFrame
@@ -41,7 +39,6 @@ class Comparison(Printed):
     caveats: list[str]
     scheme: str
     reference: str
-    bootstrap: GroupBootstrap
 
     def summary(self) -> pd.DataFrame:
         """Return the figures of merit as text, such as "0.95 (0.90 to 0.98)"."""
@@ -141,7 +138,6 @@ def compare(
         caveats=caveats,
         scheme=compared,
         reference=first,
-        bootstrap=base.bootstrap,
     )
 
 
@@ -205,7 +201,7 @@ def _unequal_costs(base: ScoringRule, other: ScoringRule) -> str:
 
 def _differences(base: Evaluation, other: Evaluation, scheme: str) -> dict[str, float]:
     """Return the differences of two evaluations, and their intervals."""
-    held, bootstrap = _held_out(base, scheme), base.bootstrap
+    held, bootstrap = _held_out(base, scheme), GroupBootstrap()
     first = tallies(held, base.scoring)
     second = tallies(_held_out(other, scheme), other.scoring)
     drawn = [bootstrap.draws(found, held["group"]) for found in (first, second)]

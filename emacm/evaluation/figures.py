@@ -148,12 +148,7 @@ def log_losses(probabilities: ArrayLike, truths: ArrayLike) -> Array:
     return np.abs(np.log(np.clip(of_truth, np.finfo(float).eps, 1.0)))
 
 
-def reliability(
-    probabilities: ArrayLike,
-    truths: ArrayLike,
-    groups: ArrayLike,
-    bootstrap: GroupBootstrap | None = None,
-) -> pd.DataFrame:
+def reliability(probabilities: ArrayLike, truths: ArrayLike, groups: ArrayLike) -> pd.DataFrame:
     """Compare the probability of the most probable class with the frequency at which it is true.
 
     Parameters
@@ -164,8 +159,6 @@ def reliability(
         Index of the true class.
     groups : array-like of shape (n_recordings,)
         Group of each recording, drawn as a whole by the bootstrap.
-    bootstrap : GroupBootstrap, optional
-        Confidence level, number of draws and seed.
 
     Returns
     -------
@@ -193,7 +186,7 @@ def reliability(
     curve.insert(0, "from", present / 10)
     curve.insert(1, "to", (present + 1) / 10)
     cells = {str(number): Tally(correct, np.where(bins == number, 0, -1)) for number in present}
-    row = (bootstrap or GroupBootstrap()).figures(cells, groups)
+    row = GroupBootstrap().figures(cells, groups)
     for end in ("low", "high"):
         curve[end] = [row[f"{number}_{end}"] for number in present]
     return curve.assign(groups=by_bin["group"].nunique()).reset_index(drop=True)

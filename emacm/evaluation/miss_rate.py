@@ -26,7 +26,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_number
 from emacm.decisions.pipelines import before_the_last_step
-from emacm.decisions.risks import decide, risks_of
+from emacm.decisions.risks import LeastRiskMixin, decide, risks_of
 from emacm.decisions.truths import label_array, label_list, label_positions
 from emacm.evaluation.bootstrap import Array, GroupBootstrap
 from emacm.evaluation.figures import tallies
@@ -67,7 +67,6 @@ def miss_rate_limit(
     confidence: float = 0.95,
     *,
     healthy: Any,
-    n_resamples: int = 2000,
 ) -> MissRateLimit:
     """Choose the cost of missed detections so that their rate does not exceed a limit.
 
@@ -96,8 +95,6 @@ def miss_rate_limit(
         Fraction of fleets in which it holds, above 0 and below 1.
     healthy : object
         The healthy class or family, as in `evaluate`.
-    n_resamples : int, default=2000
-        Number of bootstrap draws for the intervals of the table.
 
     Returns
     -------
@@ -143,7 +140,7 @@ def miss_rate_limit(
     0.04
     """
     rate = check_number(rate, "rate", above=0, below=1)
-    bootstrap = GroupBootstrap(confidence, n_resamples)
+    bootstrap = GroupBootstrap(confidence)
     check_is_fitted(model)
     units = read_grouping(groups, X, "groups", "unit")
     if units is None:
@@ -151,13 +148,18 @@ def miss_rate_limit(
     states = label_list(y)
     if len(states) != len(units.labels):
         raise ValueError(f"y has {len(states)} states for {len(units.labels)} recordings.")
-    final, posterior = _posteriors(model, X)
+    final, features = before_the_last_step(model, X)
+    if not isinstance(final, LeastRiskMixin):
+        raise TypeError(
+            f"model must decide by costs, but {type(final).__name__} has no cost_. Use "
+            f"LeastRiskClassifier({type(final).__name__}(...), cost=...)."
+        )
+    posterior = final.truth_proba(features, final.predict_proba(features))
     truths, decisions = final.truths_.tolist(), final.decisions_.tolist()
     label_positions(states, truths, "y", "state of the model")
     cost = pd.DataFrame(final.cost_, index=decisions, columns=truths)
     rule = scoring_rule(label_array(truths), healthy=healthy, cost=cost)
-    unknown = truths[len(final.classes_) :]  # may be true here; deciding it is an inspection
-    rule = replace(rule, unknown=unknown[0] if unknown else None)
+    rule = replace(rule, unknown=final.unknown)  # may be true here; deciding it is an inspection
 
     is_faulty = np.array([rule.family_of[state] != rule.healthy for state in states])
     weight, n_units, allowed = _unit_weights(units.labels, is_faulty, rate, confidence)
@@ -180,21 +182,6 @@ def miss_rate_limit(
         rows[name]["missed_by_unit"] = weight @ judged["decided_label"].isin(rule.cleared)
     table = pd.DataFrame.from_dict(rows, orient="index")
     return MissRateLimit(limit, factor, table, n_units)
-
-
-def _posteriors(model: Any, X: Any) -> tuple[Any, Array]:
-    """Return the classifier, and the posterior probabilities of its true states."""
-    final, table = before_the_last_step(model, X)
-    if not hasattr(final, "cost_"):
-        raise TypeError(
-            f"model must decide by costs, but {type(final).__name__} has no cost_. Use "
-            f"LeastRiskClassifier({type(final).__name__}(...), cost=...)."
-        )
-    posterior = final.predict_proba(table)
-    if len(final.truths_) > len(final.classes_):
-        unknown = final.unknown_proba(table)[:, np.newaxis]
-        posterior = np.hstack([posterior * (1 - unknown), unknown])
-    return final, posterior
 
 
 def _unit_weights(

@@ -46,14 +46,11 @@ class UnknownEvaluation(Printed):
         and "unknown_proba".
     caveats : list of str
         Families that could not be left out.
-    bootstrap : GroupBootstrap
-        Confidence level of the intervals, number of draws and seed.
     """
 
     table: pd.DataFrame
     predictions: pd.DataFrame
     caveats: list[str]
-    bootstrap: GroupBootstrap
 
     def printed_tables(self) -> dict[str, pd.DataFrame]:
         """Return the figures of merit, one column for each family."""
@@ -123,11 +120,10 @@ def evaluate_unknown(
     held_out = decide_held_out(estimator, X, classes, schemes, groupings)
     refused = [scheme for scheme in held_out.schemes if scheme.impossible]
     caveats = [f"{s.name!r} could not be left out of training. {s.impossible}" for s in refused]
-    predictions, bootstrap = novelty_predictions(held_out, rule), GroupBootstrap()
+    predictions = novelty_predictions(held_out, rule)
     if predictions.empty:
         caveats.append("No family of faults was left out as unknown.")
-    table = novelty_table(predictions, rule.cleared, bootstrap)
-    return UnknownEvaluation(table, predictions, caveats, bootstrap)
+    return UnknownEvaluation(novelty_table(predictions, rule.cleared), predictions, caveats)
 
 
 def left_out_families(scheme: Scheme, labels: Sequence[Any], rule: ScoringRule) -> list[Scheme]:
@@ -187,9 +183,7 @@ def novelty_predictions(held_out: HeldOut, rule: ScoringRule) -> pd.DataFrame:
     )[["left_out", *columns]]
 
 
-def novelty_table(
-    predictions: pd.DataFrame, cleared: Collection[Any], bootstrap: GroupBootstrap
-) -> pd.DataFrame:
+def novelty_table(predictions: pd.DataFrame, cleared: Collection[Any]) -> pd.DataFrame:
     """Return how well each family that was left out is recognised as unknown.
 
     Parameters
@@ -198,8 +192,6 @@ def novelty_table(
         From `novelty_predictions`.
     cleared : collection
         Decisions that are correct for the healthy state; empty if it was not given.
-    bootstrap : GroupBootstrap
-        Confidence level, number of draws and seed.
 
     Returns
     -------
@@ -216,16 +208,14 @@ def novelty_table(
             called_healthy = part["decided_label"].isin(cleared)
             found["unknown_called_healthy"] = Tally(called_healthy, cells - 1)
         rows[family] = (
-            _auroc(part["typicality"].to_numpy(), is_unknown, part["group"], bootstrap)
-            | bootstrap.figures(found, part["group"])
+            _auroc(part["typicality"].to_numpy(), is_unknown, part["group"])
+            | GroupBootstrap().figures(found, part["group"])
             | {"known": int((~is_unknown).sum()), "unknown": int(is_unknown.sum())}
         )
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("left_out")
 
 
-def _auroc(
-    typicality: Array, is_unknown: NDArray[np.bool_], groups: ArrayLike, bootstrap: GroupBootstrap
-) -> dict[str, float]:
+def _auroc(typicality: Array, is_unknown: NDArray[np.bool_], groups: ArrayLike) -> dict[str, float]:
     """Return the area under the ROC curve, and its interval by a bootstrap over groups.
 
     The area is the fraction of pairs in which the unknown recording is less typical than the known
@@ -240,6 +230,7 @@ def _auroc(
     unknown, known = members[is_unknown].sum(axis=0), members[~is_unknown].sum(axis=0)
     n_pairs = unknown.sum() * known.sum()
     estimate = float(wins.sum() / n_pairs) if n_pairs else np.nan
+    bootstrap = GroupBootstrap()
     times = bootstrap.times(len(wins))
     pairs = (times @ unknown) * (times @ known)
     drawn = np.sum((times @ wins) * times, axis=1) / np.where(pairs > 0, pairs, np.nan)

@@ -23,12 +23,13 @@ from emacm.evaluation.figures import (
 from emacm.evaluation.held_out import HeldOut
 from emacm.evaluation.scoring import ScoringRule
 
+_INTERVALS = "in brackets: 95 % confidence interval, from a bootstrap over whole groups"
+
 
 class Printed:
     """A result that is printed as its caveats, followed by its tables."""
 
     caveats: list[str]
-    bootstrap: GroupBootstrap
 
     def printed_tables(self) -> dict[str, pd.DataFrame]:
         """Return tables of text by their titles."""
@@ -40,7 +41,7 @@ class Printed:
         ]
         for title, table in self.printed_tables().items():
             lines += [title] * bool(title) + [table.to_string()]
-        return "\n".join([*lines, f"({self._interval})"])
+        return "\n".join([*lines, f"({_INTERVALS})"])
 
     def __repr__(self) -> str:
         return str(self)
@@ -51,12 +52,7 @@ class Printed:
             f"<p>{html.escape(title)}</p>{table.to_html()}"
             for title, table in self.printed_tables().items()
         )
-        return f"<ul>{caveats}</ul>{tables}<p>{self._interval}</p>"
-
-    @property
-    def _interval(self) -> str:
-        level = f"{100 * self.bootstrap.confidence:g} %"
-        return f"in brackets: {level} confidence interval, from a bootstrap over whole groups"
+        return f"<ul>{caveats}</ul>{tables}<p>{_INTERVALS}</p>"
 
 
 def as_texts(table: pd.DataFrame) -> pd.DataFrame:
@@ -119,8 +115,6 @@ class Evaluation(Printed):
         What limits the conclusions, most serious first.
     scoring : ScoringRule
         Definition of a correct decision, and costs.
-    bootstrap : GroupBootstrap
-        Confidence level of the intervals, number of draws and seed.
     """
 
     table: pd.DataFrame
@@ -130,7 +124,6 @@ class Evaluation(Printed):
     calibration: pd.DataFrame
     caveats: list[str]
     scoring: ScoringRule
-    bootstrap: GroupBootstrap
 
     def summary(self) -> pd.DataFrame:
         """Return the figures of merit as text, such as "0.95 (0.90 to 0.98)"."""
@@ -172,7 +165,7 @@ def score_held_out(held_out: HeldOut, rule: ScoringRule) -> Evaluation:
         confusions[name] = confusion(part, rule)
         if "predicted_cost" in part:
             posteriors = part[probability_columns(rule)].to_numpy(float)
-            curve = reliability(posteriors, codes_of(truths, rule.labels), groups, bootstrap)
+            curve = reliability(posteriors, codes_of(truths, rule.labels), groups)
             curves.append(curve.assign(scheme=name)[["scheme", *curve.columns]])
     schemes = held_out.schemes
     names = pd.Index([scheme.name for scheme in schemes], name="scheme")
@@ -189,7 +182,6 @@ def score_held_out(held_out: HeldOut, rule: ScoringRule) -> Evaluation:
         calibration=pd.concat(curves, ignore_index=True) if curves else pd.DataFrame(),
         caveats=_caveats(held_out, table, predictions, rule),
         scoring=rule,
-        bootstrap=bootstrap,
     )
 
 

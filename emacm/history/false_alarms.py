@@ -67,9 +67,7 @@ class FalseAlarmRate(NamedTuple):
     high: float
 
 
-def false_alarm_rate(
-    count: float, total: float, needed: int, of: int, *, n_nodes: int = 400
-) -> FalseAlarmRate:
+def false_alarm_rate(count: float, total: float, needed: int, of: int) -> FalseAlarmRate:
     """Return the rate of false alarms if a property was seen in some of the healthy recordings.
 
     Parameters
@@ -79,8 +77,6 @@ def false_alarm_rate(
         the property, and of all, none of which the model was fitted to.
     needed, of : int
         The alarm is raised by `needed` of the last `of` readings.
-    n_nodes : int
-        Quantiles over which the mean is taken.
 
     Returns
     -------
@@ -94,7 +90,7 @@ def false_alarm_rate(
     >>> f"{few:.1e} {many:.1e}"  # few recordings leave the rate uncertain
     '4.1e-04 4.6e-05'
     """
-    nodes = np.concatenate([(np.arange(n_nodes) + 0.5) / n_nodes, [0.05, 0.95]])
+    nodes = np.concatenate([(np.arange(400) + 0.5) / 400, [0.05, 0.95]])  # quantiles
     rates = 1 / repeated_run_length(beta.ppf(nodes, count + 0.5, total - count + 0.5), needed, of)
     rates = np.maximum(rates, 0.0)  # rounding errors of rare alarms
     return FalseAlarmRate(float(rates[:-2].mean()), float(rates[-2]), float(rates[-1]))

@@ -44,11 +44,7 @@ class WeibullRegression:
 
     @classmethod
     def fit(
-        cls,
-        table: Array,
-        lives: Array,
-        failed: NDArray[np.bool_],
-        weights: Array,
+        cls, table: Array, lives: Array, failed: NDArray[np.bool_], weights: Array
     ) -> WeibullRegression:
         """Estimate by maximum likelihood with a small ridge; other lives are censored.
 

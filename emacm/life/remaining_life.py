@@ -33,9 +33,6 @@ from emacm.life.life_calibration import (
     with_lives,
 )
 
-CONTINUE, ORDER, STOP = "continue", "order", "stop"
-
-
 Array = NDArray[np.float64]
 
 
@@ -130,7 +127,7 @@ def expected_costs(lives: Array, costs: MaintenanceCosts) -> pd.DataFrame:
     order = fails + np.mean(costs.waiting * missing + costs.holding * stock, axis=1)
     stock = np.maximum(lives - review - lead, 0)
     later = fails + np.mean(costs.waiting * until_later + costs.holding * stock, axis=1)
-    table = pd.DataFrame({CONTINUE: later, ORDER: order, STOP: stop})
+    table = pd.DataFrame({"continue": later, "order": order, "stop": stop})
     table["decision"] = table.idxmin(axis=1)
     return table
 

@@ -252,9 +252,9 @@ def model_description(path: str | os.PathLike[str]) -> dict[str, Any]:
     return _read(path)[0]
 
 
-def _skops(unneeded: Sequence[str] = ("cupy", "dask", "pytest", "torch")) -> Any:
+def _skops() -> Any:
     """Import skops.io, without what it would import by listing all modules of scikit-learn."""
-    absent: dict[str, Any] = dict.fromkeys(name for name in unneeded if name not in sys.modules)
+    absent: dict[str, Any] = dict.fromkeys({"cupy", "dask", "pytest", "torch"} - sys.modules.keys())
     sys.modules.update(absent)  # None: not to be imported
     try:
         return importlib.import_module("skops.io")
@@ -324,11 +324,11 @@ def _plain(model: Any, name: str) -> Any:
 
 def _classifiers(model: Any) -> list[Any]:
     """Return the fitted parts that give posteriors for rows of features."""
-    classifiers = [part for part in parts_of(model) if hasattr(part, "predict_proba")]
     return [
         part
-        for part in classifiers
-        if isinstance(getattr(part, "n_features_in_", None), int) and not hasattr(part, "steps")
+        for part in parts_of(model)
+        if hasattr(part, "predict_proba") and not hasattr(part, "steps")
+        if isinstance(getattr(part, "n_features_in_", None), int)
     ]
 
 
@@ -342,15 +342,15 @@ def _check_rows(model: Any) -> Iterator[dict[str, Any]]:
         yield {"rows": rows.tolist(), "posterior": posterior.tolist()}
 
 
-def _rows_for(classifier: Any, *, n_rows: int = 8) -> Any:
+def _rows_for(classifier: Any) -> Any:
     """Return the means of the classes and rows half way between them; or rows of any kind."""
     means: Any = getattr(classifier, "means_", None)
     if np.ndim(means) == 2:
         return np.vstack([means, (means + np.roll(means, 1, axis=0)) / 2])
-    return np.random.default_rng(0).normal(size=(n_rows, classifier.n_features_in_))
+    return np.random.default_rng(0).normal(size=(8, classifier.n_features_in_))
 
 
-def _replay(model: Any, checks: list[Any], differ: str, *, tolerance: float = 1e-6) -> None:
+def _replay(model: Any, checks: list[Any], differ: str) -> None:
     """Raise a ValueError if the check rows give other posteriors than when the model was saved."""
     versions = f" The versions differ: {differ}. Install those of the file." if differ else ""
     for part, check in zip(_classifiers(model), checks, strict=True):
@@ -358,7 +358,7 @@ def _replay(model: Any, checks: list[Any], differ: str, *, tolerance: float = 1e
         if not expected.size:
             continue
         found = np.asarray(part.predict_proba(np.asarray(check["rows"], float)))
-        if found.shape != expected.shape or not np.allclose(found, expected, 0, tolerance):
+        if found.shape != expected.shape or not np.allclose(found, expected, 0, 1e-6):
             raise ValueError(
                 f"its check rows give other posteriors than when it was saved.{versions} Otherwise "
                 f"fit the model again."

@@ -22,7 +22,6 @@ def write_fleet(
     *,
     healthy: str | None = None,
     only: str | None = None,
-    most: int = 30,
 ) -> Path:
     """Write ``fleet.html``, and a page of each unit, from its last readings.
 
@@ -38,8 +37,6 @@ def write_fleet(
         Decision that is drawn as healthy. Default: healthy or normal.
     only : str, optional
         The unit whose page is written again, beside those without a page. Default: all.
-    most : int
-        Number of readings of each unit that are shown.
 
     Returns
     -------
@@ -52,8 +49,7 @@ def write_fleet(
     links = {page["name"]: page["link"] for page in listed_pages(folder)}
     units = []
     for unit, own in groupby(by_time, itemgetter("unit")):
-        last = list(own)[-most:]
-        readings = [{**record, "word": _word(record, names)} for record in last]
+        readings = [{**record, "word": _word(record, names)} for record in [*own][-30:]]
         opened = [alarm for alarm in alarms if alarm["unit"] == unit]
         about = {"name": unit or "unit not stated", "last": readings[-1], "alarms": opened}
         about |= {"link": _file_of(unit), "bars": _bars(readings, names), "count": len(readings)}

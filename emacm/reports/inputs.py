@@ -96,7 +96,7 @@ def read_parts(path: Path) -> list[Any]:
 
 
 def read_results(path: Path) -> pd.DataFrame:
-    """Read a table of ``emacm score``: CSV, JSON lines, Parquet, or a history of SQLite.
+    """Read a table of ``emacm score``: CSV, JSON lines, or a history of SQLite.
 
     Parameters
     ----------
@@ -119,12 +119,10 @@ def read_results(path: Path) -> pd.DataFrame:
             table = pd.read_csv(path, keep_default_na=False, dtype={"decision": str}).map(of_cell)
         elif path.suffix == ".jsonl":
             table = pd.read_json(path, lines=True, dtype=False)
-        elif path.suffix == ".parquet":
-            table = pd.read_parquet(path)
         elif is_history(path):
             table = pd.DataFrame(History(path).records())
         else:
-            raise ValueError("a table of results must end with .csv, .jsonl, .parquet or .sqlite.")
+            raise ValueError("a table of results must end with .csv, .jsonl or .sqlite.")
         if not {"recording", "decision"} <= set(table.columns):
             raise ValueError(
                 f"it is not a table of emacm score, whose columns are 'recording', 'decision' and "

@@ -222,14 +222,7 @@ def page_of(settings: Settings, source: Source, name: str, facts: Further = None
     return page
 
 
-def _add_decision(
-    page: Page,
-    settings: Settings,
-    recording: Recording,
-    *,
-    named: float = 0.01,
-    most_named: int = 4,
-) -> Any:
+def _add_decision(page: Page, settings: Settings, recording: Recording) -> Any:
     """State the decision, how certain it is, and which other states are possible.
 
     Returns
@@ -258,7 +251,7 @@ def _add_decision(
     else:
         text = f"No state is certain enough: {page.decision!r} has the lowest expected cost."
         page.sentences.append(text)
-    likely = [k for k in others if posterior[k] >= named][:most_named]
+    likely = [k for k in others if posterior[k] >= 0.01][:4]
     if likely and decision != unknown:
         possible = [f"{states[k]} ({percent(posterior[k])})" for k in likely]
         page.sentences.append(f"Possible too: {listed(possible)}.")

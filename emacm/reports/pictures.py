@@ -54,7 +54,7 @@ def drawn(page: Page) -> tuple[Any, str]:
     return figure, " and ".join(titles)
 
 
-def _bars(page: Page, most_named: int = 12) -> pd.DataFrame | None:
+def _bars(page: Page) -> pd.DataFrame | None:
     """Return the deviations that are drawn: those of a channel in dB, or the largest ones."""
     if page.deviations is None or page.findings is None:
         return None
@@ -69,7 +69,7 @@ def _bars(page: Page, most_named: int = 12) -> pd.DataFrame | None:
         return None
     if own["low"].notna().all():
         return own.sort_values("low")
-    return own.loc[own["deviation"].abs().nlargest(most_named).index]
+    return own.loc[own["deviation"].abs().nlargest(12).index]
 
 
 def _draw_spectrum(page: Page, channel: str, ax: Any) -> None:
@@ -95,7 +95,7 @@ def _draw_spectrum(page: Page, channel: str, ax: Any) -> None:
     display.plot(ax=ax)
 
 
-def _predicted(page: Page, top: float, most: int = 12) -> pd.DataFrame:
+def _predicted(page: Page, top: float) -> pd.DataFrame:
     """Return the predicted lines that are marked: those of raised components, or first ones."""
     series = () if page.parts is None else fault_series(page.parts, 3)
     raised = page.findings.components if page.findings is not None else []
@@ -107,7 +107,7 @@ def _predicted(page: Page, top: float, most: int = 12) -> pd.DataFrame:
         for k, order in enumerate(chosen, 1):
             if order <= top:
                 rows[name if k == 1 else f"{k}x{name}"] = (order, fault.slips)
-    return pd.DataFrame.from_dict(rows, orient="index", columns=["order", "slips"]).head(most)
+    return pd.DataFrame.from_dict(rows, orient="index", columns=["order", "slips"]).head(12)
 
 
 def _draw_bars(reference: str, bars: pd.DataFrame, ax: Any) -> None:

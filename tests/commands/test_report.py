@@ -157,7 +157,7 @@ def test_without_a_key_the_time_is_that_of_the_file(here):
     [
         (["--actions", "parts.toml"], "the action for"),
         (["--unit", "bench"], "its meta has no 'bench', only ['unit', 'state', 'day']"),
-        (["--history", "layout.toml"], "must end with .csv, .jsonl, .parquet or .sqlite"),
+        (["--history", "layout.toml"], "must end with .csv, .jsonl or .sqlite"),
         (["--parts", "layout.toml"], "it has a table 'fs'"),
         (["--out", "layout.toml"], "path must end with .html, or be a folder"),
     ],

@@ -112,66 +112,6 @@ def test_an_invalid_command_is_status_2_and_one_line(here, capsys, arguments, me
     assert printed.err.count("\n") == 1
 
 
-# From a table of emacm score
-
-ROWS = {
-    "recording": [f"nights/{unit}_{day}.npz" for unit in ("press", "axis") for day in (10, 2, 3)],
-    "decision": ["ok", "ok", "worn", "ok", "ok", ""],
-    "typicality": [0.4, 0.5, 0.02, 0.3, 0.001, np.nan],
-    "P(ok)": [0.9, 0.99, 0.2, 0.99, 1.0, np.nan],
-    "P(worn)": [0.1, 0.01, 0.8, 0.01, 0.0, np.nan],
-    "error": ["", "", "", "", "", "the file is empty"],
-}
-
-
-@pytest.fixture
-def results(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    Path("layout.toml").write_text(LAYOUT)
-    pd.DataFrame(ROWS).to_csv("results.csv", index=False)
-    pd.DataFrame(ROWS).to_json("results.jsonl", orient="records", lines=True)
-
-
-def from_results(*arguments, suffix=".csv"):
-    fixed = ["--layout", "layout.toml", "--unit", "unit", "--time", "day"]
-    return main(["trend", "--results", f"results{suffix}", *fixed, *arguments])
-
-
-@pytest.mark.parametrize("suffix", [".csv", ".jsonl"])
-def test_results_give_the_trend_of_the_rarer_of_health_and_typicality(results, capsys, suffix):
-    assert from_results("--state", "ok", "--false-alarm", "0.01", suffix=suffix) == 3
-    table = pd.read_csv(io.StringIO(capsys.readouterr().out), keep_default_na=False)
-    assert table["unit"].tolist() == 3 * ["axis"] + 3 * ["press"]
-    assert table["time"].tolist() == [2, 3, 10, 2, 3, 10]
-    least = [0.001, "", 0.3, 0.5, 0.02, 0.4]
-    assert [v if v == "" else round(10 ** -float(v), 9) for v in table["index"]] == least
-    assert table["limit"].tolist() == 6 * [2.0]
-    assert table["alarm"].astype(str).tolist() == ["True", *5 * ["False"]]
-    assert table["error"][1] == "the file is empty"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ([], "--state must name the healthy state"),
-        (["--state", "old"], "got 'old'"),
-        (["--state", "ok", "--groups", "day"], "leave out HEALTHY, --groups and --machine"),
-        (
-            ["--state", "ok", "--false-alarm", "2"],
-            "--false-alarm: expected a number above 0 and below 1",
-        ),
-    ],
-)
-def test_results_that_cannot_be_used_are_status_2(results, capsys, arguments, message):
-    assert from_results(*arguments) == 2
-    assert message in capsys.readouterr().err
-
-
-def test_a_trend_needs_files_or_results(results, capsys):
-    assert main(["trend", "--layout", "layout.toml"]) == 2
-    assert "or --results" in capsys.readouterr().err
-
-
 def test_times_are_those_that_the_files_state(tmp_path):
     rows = "time,b\n2026-11-0{}T08:01:00,1\n2026-11-0{}T08:01:01,2\n"
     for day in (1, 2):

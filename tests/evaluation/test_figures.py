@@ -19,8 +19,6 @@ from emacm.evaluation.figures import (
 )
 from emacm.evaluation.scoring import scoring_rule
 
-BOOTSTRAP = GroupBootstrap(0.9, 300, random_state=2)
-
 
 class Stated(ClassifierMixin, BaseEstimator):
     """Decides what its first column says, with the probabilities in the others."""
@@ -115,7 +113,7 @@ def judged_families():
 
 def test_figures_of_merit_by_hand_are_in_the_order_of_the_table():
     found = tallies(*judged_families())
-    row = BOOTSTRAP.figures(found, np.arange(7))
+    row = GroupBootstrap().figures(found, np.arange(7))
     expected = {
         "balanced_accuracy": (1 / 3 + 2 / 4) / 2,
         "accuracy": 3 / 7,
@@ -134,11 +132,11 @@ def test_classes_that_are_all_impossible_in_service_have_no_cost_in_service():
     held = judged[judged["truth"] != "new"].reset_index(drop=True)
     held = held.assign(predicted_cost=1.0, **{"P(worn)": 0.8, "P(new)": 0.2})
     priors = {"dry": 0.0, "new": 1.0, "spalled": 0.0}
-    row = BOOTSTRAP.figures(tallies(held, replace(rule, priors=priors)), np.arange(4))
+    row = GroupBootstrap().figures(tallies(held, replace(rule, priors=priors)), np.arange(4))
     assert np.isnan([row["realised_cost"], row["predicted_cost"]]).all()
     assert row["expected_cost"] == pytest.approx(4.5 / 4)
     weighted = replace(rule, priors=priors | {"dry": 0.1, "spalled": 0.3})
-    row = BOOTSTRAP.figures(tallies(held, weighted), np.arange(4))
+    row = GroupBootstrap().figures(tallies(held, weighted), np.arange(4))
     assert row["realised_cost"] == pytest.approx(0.25 * 4.5 / 3 + 0.75 * 0)
 
 

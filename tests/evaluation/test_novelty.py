@@ -83,20 +83,19 @@ PREDICTIONS = pd.DataFrame(
         "typicality": [0.5, 0.3, 0.01, 0.2, 0.3, 0.005, 0.0101],
     }
 )
-BOOTSTRAP = GroupBootstrap(n_resamples=200)
 
 
 def test_rates_are_counted_among_the_known_and_the_unknown_separately():
-    row = novelty_table(PREDICTIONS, {"new"}, BOOTSTRAP).loc["dry"]
+    row = novelty_table(PREDICTIONS, {"new"}).loc["dry"]
     assert row["known_flagged"] == 1 / 4
     assert row["unknown_flagged"] == 1 / 3
     assert row["unknown_called_healthy"] == 1 / 3
     # 0.3: above 0.01 and 0.2, equal to 0.3 | 0.005: below all four | 0.0101: above 0.01 only
     assert row["auroc"] == pytest.approx((1 + 0.5 + 4 + 3) / 12)
     assert (row["known"], row["unknown"]) == (4, 3)
-    both = novelty_table(PREDICTIONS, {"new", "worn"}, BOOTSTRAP).loc["dry"]
+    both = novelty_table(PREDICTIONS, {"new", "worn"}).loc["dry"]
     assert both["unknown_called_healthy"] == 2 / 3
-    without = novelty_table(PREDICTIONS, (), BOOTSTRAP)
+    without = novelty_table(PREDICTIONS, ())
     assert "unknown_called_healthy" not in without
 
 
@@ -108,8 +107,8 @@ def test_the_interval_of_the_area_counts_the_groups_of_the_rarer_kind(n_known, n
     typicality = np.round(rng.random(len(groups)) * np.where(is_unknown, 0.7, 1), 2)
     table = {"left_out": "dry", "is_unknown": is_unknown, "typicality": typicality}
     predictions = pd.DataFrame(table | {"group": groups, "decided_label": "new"})
-    row = novelty_table(predictions, (), BOOTSTRAP).loc["dry"]
-    times = BOOTSTRAP.times(n_known + n_unknown)
+    row = novelty_table(predictions, ()).loc["dry"]
+    times = GroupBootstrap().times(n_known + n_unknown)
     mine, theirs = typicality[is_unknown, np.newaxis], typicality[~is_unknown]
     won = (mine < theirs) + 0.5 * (mine == theirs)
     drawn = []
@@ -119,7 +118,9 @@ def test_the_interval_of_the_area_counts_the_groups_of_the_rarer_kind(n_known, n
         drawn.append(first @ won @ second / pairs if pairs else np.nan)
     estimate = roc_auc_score(is_unknown, -typicality) if n_known and n_unknown else np.nan
     n_groups = min(n_known, n_unknown)
-    expected = BOOTSTRAP.interval("auroc", np.array(drawn), estimate, n_groups, bounds=(0, 1))
+    expected = GroupBootstrap().interval(
+        "auroc", np.array(drawn), estimate, n_groups, bounds=(0, 1)
+    )
     found = row[[*expected]].to_numpy(float)
     assert found == pytest.approx(np.array([*expected.values()]), nan_ok=True)
     assert (row["known"], row["unknown"]) == (4 * n_known, 4 * n_unknown)
