@@ -78,10 +78,10 @@ def cost_matrix(missed: float) -> pd.DataFrame:
     inner ring      1.0         0.0    1.0
     screw           1.0         1.0    0.0
     inspect         0.5         0.5    0.5
-    unknown         1.0         1.0    1.0
+    unknown         0.5         0.5    0.5
     """
     states = {name: [name] for name in STATES}
-    others = {"inspect": 0.5, "unknown": 1.0}  # unknown: taken out of service in vain
+    others = {"inspect": 0.5, "unknown": 0.5}  # what is unknown has to be looked at, too
     return family_costs(states, other_decisions=others, healthy="healthy", missed_cost=missed)
 
 

@@ -31,8 +31,8 @@ def test_printed_figures_are_those_of_the_decisions_with_nine_of_ten_units_healt
         "healthy": [2, 1], "inner ring": [0, 0], "screw": [1, 4], "inspect": [5, 0],
         "unknown": [2, 0],
     }  # fmt: skip
-    # Healthy ones cost (1 + 5 / 2 + 2) / 10 each, the others 9 / 5.
-    mean = (0.9 * 0.55 + 0.05 * 1.8) / 0.95
+    # Healthy ones cost (1 + 7 / 2) / 10 each, the others 9 / 5.
+    mean = (0.9 * 0.45 + 0.05 * 1.8) / 0.95
     assert printed[8:] == [
         f"these: {mean:.3f}", "always 'healthy': 0.474", "always 'inspect': 0.500"
     ]  # fmt: skip

@@ -13,14 +13,20 @@ from chapter3_readings import FS, N_RUNS, N_TIMES, STOP_BAND, TURN, thesis_pipel
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.displays import (
     DecisionRegionsDisplay,
-    ExplainedVarianceDisplay,
     FeatureDensityDisplay,
-    LoadingsDisplay,
     OrderBinsDisplay,
     OrderSpectrumDisplay,
     RecordingDisplay,
 )
-from emacm.displays.drawing import legend_above, line_style, offscreen_panels, state_numbers
+from emacm.displays.drawing import (
+    COLOURS,
+    PLAIN,
+    label_axes,
+    legend_above,
+    line_style,
+    offscreen_panels,
+    state_numbers,
+)
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
 from emacm.simulation.chapter3 import CHAPTER3_ORDERS, chapter3_recording, chapter3_recordings
@@ -60,12 +66,18 @@ def draw_features(chapter: Chapter) -> None:
     _draw_spectra(chapter, chain, recordings[::N_RUNS], labels[::N_RUNS])
     pca = PCA().fit(bins)
     figure, axes = offscreen_panels(height=3.8)
-    ExplainedVarianceDisplay.from_estimator(pca, ax=axes[0, 0])
+    ax, shares = axes[0, 0], 100 * pca.explained_variance_ratio_[:20]
+    ax.bar(range(1, 21), shares, color=PLAIN, label="each component")
+    ax.plot(range(1, 21), shares.cumsum(), "s--", color=COLOURS[1], label="cumulative sum")
+    label_axes(ax, "principal component", "share of the variance [%]")
+    legend_above(ax)
     share = pca.explained_variance_ratio_[:2].sum()
     caption = f"Explained variance, and cumulative sum: two have {share:.0%} (published 72 %)."
     chapter.draw("Fig. 3.6", figure, caption)
     figure, axes = offscreen_panels(2, height=5.0)
-    LoadingsDisplay.from_estimator(pca, ax=axes[:, 0])
+    for number, ax in enumerate(axes[:, 0]):
+        ax.stairs(pca.components_[number], color=PLAIN, fill=True)  # bins are one order wide
+        label_axes(ax, "order [cycles per revolution]", f"weight in component {number + 1}")
     chapter.draw(
         "Fig. 3.7",
         figure,

@@ -28,7 +28,7 @@ new = others[1]
 decision = model.predict([new])[0]
 healthy = [recordings[i] for i in np.flatnonzero(states == "healthy")]
 table = emacm.explain_decision(model, new, against="healthy", background=healthy)
-print(f"decided {decision!r}, true state {true_states[1]!r}")
+print(f"decided: {decision}, true state: {true_states[1]}")
 
 (order,) = new.meta["orders"]["screw"]
 predicted = {"screw": order, "2x screw": 2 * order}

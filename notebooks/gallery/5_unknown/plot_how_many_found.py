@@ -7,11 +7,12 @@ are told from known ones that were held out too. The area under the curve is 0.5
 """
 
 import numpy as np
+from matplotlib import pyplot
+from sklearn.metrics import RocCurveDisplay
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
 import emacm
-from emacm.displays import UnknownRocDisplay
 from emacm.simulation import simulate_fleet
 
 recordings, states, units = simulate_fleet(5, 2, severity=(0.05, 0.3), seed=1)
@@ -27,4 +28,7 @@ classifier = emacm.CostSensitiveGaussianBayes(
 )
 found = emacm.evaluate_unknown(classifier, table, states, units=units, healthy="healthy")
 print(found)
-UnknownRocDisplay.from_evaluation(found)
+ax = pyplot.figure(layout="constrained").subplots()
+for family, held in found.predictions.groupby("left_out"):
+    RocCurveDisplay.from_predictions(held["is_unknown"], -held["typicality"], name=family, ax=ax)
+ax.set(xlabel="known recordings flagged", ylabel="unknown recordings flagged")

@@ -3,7 +3,7 @@ What differs from the training, if the answer is "unknown"?
 ===========================================================
 
 Often not the machine: a gain, a speed, a sampling rate. `outside_training` compares a recording
-with the ranges that the model has stored.
+with the ranges of the training, and returns what is outside as values: `Statement`.
 """
 
 import numpy as np
@@ -25,8 +25,8 @@ def measured(speed, gain=1.0):
 model = make_pipeline(OrderResampler(2 * np.pi / 16), OrderPSD(4), BinTransformer(1, max_order=6))
 model.fit([measured(speed) for speed in rng.uniform(90, 110, 20)])
 new = {"as trained": measured(100), "in mV": measured(100, 1000), "too slow": measured(40)}
-for name, sentences in zip(new, outside_training(model, list(new.values())), strict=True):
-    print(name, *sentences, sep="\n   ")
+for name, statements in zip(new, outside_training(model, list(new.values())), strict=True):
+    print(name, *statements, sep="\n   ")
 
 powers = 10 * np.log10(model.transform(list(new.values())))
 fig, ax = plt.subplots(figsize=(6.3, 3), layout="constrained")

@@ -40,7 +40,7 @@ OrderBinsDisplay.from_estimator(
 with TemporaryDirectory() as folder:
     actions = {"screw": "Replace the screw within 200 cycles."}
     page, *_ = emacm.maintenance_report(
-        model, [new], folder, actions=actions, parts=predicted, background=healthy
+        model, [new], folder, actions=actions, parts={"screw": order}, background=healthy
     )
     text = escape(page.read_text(encoding="utf-8"))
 HTML(f'<div><iframe srcdoc="{text}" title="report" width="100%" height="700"></iframe></div>')
