@@ -12,13 +12,8 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from emacm._checks import check_finite_readings, check_number, check_table, group_codes
 from emacm._saved import SavedEstimator
 from emacm._statements import warn
-from emacm.alarms.run_lengths import (
-    RunLength,
-    cusum_run_length,
-    ewma_run_length,
-    limit_for,
-    stated_run_length,
-)
+from emacm.alarms import run_lengths
+from emacm.alarms.run_lengths import RunLength
 from emacm.alarms.stationarity import trend_probability
 
 Array = NDArray[np.float64]
@@ -120,7 +115,7 @@ class _Chart(SavedEstimator):
             )
         self.scale_ = np.where(constant, np.inf, scale)
         self.limit_ = limit
-        self.run_length_: RunLength = stated_run_length(
+        self.run_length_: RunLength = run_lengths.stated_run_length(
             X[order][:, ~constant], numbers[order], self._next, limit, self._run_length(limit, 0.0)
         )
         _warn_of_drift(X[order], numbers[order])
@@ -179,7 +174,7 @@ class _Chart(SavedEstimator):
         if limit is not None:
             return check_number(limit, "limit", above=0, at_most=100)
         arl = check_number(500.0 if arl is None else arl, "arl", above=1, at_most=1e9)
-        return limit_for(lambda x: self._run_length(x, 0.0), arl, type(self).__name__)
+        return run_lengths.limit_for(lambda x: self._run_length(x, 0.0), arl, type(self).__name__)
 
     def _average_run_length(self, shift: float = 0.0) -> float:
         return self._run_length(self._limit(), check_number(shift, "shift"))
@@ -249,7 +244,7 @@ class EWMA(_Chart):
 
     def _run_length(self, limit: float, shift: float) -> float:
         weight = check_number(self.weight, "weight", above=0, at_most=1)
-        return ewma_run_length(weight, limit, shift)
+        return run_lengths.ewma_run_length(weight, limit, shift)
 
     def _next(self, statistic: Array, standardised: Array) -> Array:
         # In units of its standard deviation in the long run, sqrt(weight / (2 - weight)).
@@ -310,7 +305,7 @@ class CUSUM(_Chart):
 
     def _run_length(self, limit: float, shift: float) -> float:
         reference = check_number(self.reference, "reference", at_least=0, at_most=10)
-        return cusum_run_length(reference, limit, shift)
+        return run_lengths.cusum_run_length(reference, limit, shift)
 
     def _next(self, statistic: Array, standardised: Array) -> Array:
         return np.maximum(0.0, statistic + standardised - self.reference)

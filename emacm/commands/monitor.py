@@ -15,7 +15,6 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from io import StringIO
 from itertools import chain, islice
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -125,10 +124,9 @@ class _Evidence:
 
     Parameters
     ----------
-    folder : Path
-        For the files.
-    n_readings : int
-        How many are stored for each alarm; the one that raised it is the last one.
+    options : Namespace
+        With `evidence`, the folder, and `keep_alarms`, how many readings are stored for each alarm;
+        the one that raised it is the last one.
     fs : float
         Rows per second [Hz].
     model : estimator
@@ -137,12 +135,10 @@ class _Evidence:
         That of the user.
     """
 
-    def __init__(
-        self, folder: Path, n_readings: int, fs: float, model: Any, layout: Layout
-    ) -> None:
-        self._folder, self._fs, self._model, self._layout = folder, fs, model, layout
+    def __init__(self, options: argparse.Namespace, fs: float, model: Any, layout: Layout) -> None:
+        self._folder, self._fs, self._model, self._layout = options.evidence, fs, model, layout
         self._blocks: deque[tuple[float, list[bytes]]] = deque()  # time of the first row [s]
-        self._records: deque[Record] = deque(maxlen=n_readings)
+        self._records: deque[Record] = deque(maxlen=options.keep_alarms)
 
     def add(self, start: float, rows: list[bytes]) -> None:
         """Add rows, the first of which was measured at a time of the stream [s]."""
@@ -159,11 +155,9 @@ class _Evidence:
                     for number, reading in enumerate(self._records, 1):
                         self._store(reading, f"{time}_{change['id']}_{number}", header)
         if len(self._records) == self._records.maxlen:
-            while self._blocks[0][0] + len(self._blocks[0][1]) / self._fs < self._first_needed():
+            needed = self._records[min(1, len(self._records) - 1)]["stream_start"]
+            while self._blocks[0][0] + len(self._blocks[0][1]) / self._fs < needed:
                 self._blocks.popleft()
-
-    def _first_needed(self) -> float:
-        return float(self._records[min(1, len(self._records) - 1)]["stream_start"])
 
     def _store(self, record: Record, name: str, header: list[bytes]) -> None:
         first, after = (record[key] * self._fs - 0.5 for key in ("stream_start", "stream_end"))
@@ -249,10 +243,8 @@ class _Stream:
         self._monitor = OrderMonitor(model, **stated)
         has_dates = start_of(content, layout) is not None
         self._records = StreamRecords(model, has_dates, options)
-        self._evidence = None
-        if options.keep_alarms:
-            kept = options.evidence, options.keep_alarms, self._fs
-            self._evidence = _Evidence(*kept, model, layout)
+        kept = (options, self._fs, model, layout)
+        self._evidence = _Evidence(*kept) if options.keep_alarms else None
         if state and file:
             with located(where):
                 self._restore(state, file)
@@ -340,9 +332,8 @@ class _Stream:
     def _interrupt(self, error: str, n_skipped: int = 0) -> None:
         """State an error; the reading up to it ends, and another one begins."""
         position = self._position
-        ended = position.resumed
-        if ended is None:
-            ended = self._monitor.time + position.ahead
+        time = self._monitor.time + position.ahead
+        ended = time if position.resumed is None else position.resumed
         try:
             readings = self._monitor.flush(complete=False)
         except ValueError:

@@ -22,7 +22,6 @@ from emacm.resampling.angle_recording import (
     as_angle_recordings,
     check_alike,
 )
-from emacm.shaft.motion import ShaftPath
 
 
 class GridSignals(NamedTuple):
@@ -161,8 +160,12 @@ class GridStroke(AngleStroke):
     @classmethod
     def of(cls, stroke: AngleStroke) -> GridStroke:
         """Align a stroke: its samples are at whole multiples of theta_s."""
-        theta_s = stroke.parent.theta_s
-        path, first, skipped = _on_grid(stroke.path, theta_s)
+        theta_s, path, skipped = stroke.parent.theta_s, stroke.path, 0
+        position = path.direction * path.start_angle / theta_s
+        first = int(np.floor(position + 1e-9))  # of the grid, counted along the motion
+        ahead = (position - first) * theta_s
+        if ahead > 1e-9 * theta_s:  # the path starts there, which is before the stroke
+            path, skipped = path.starting_before(ahead), 1
         count = path.count(theta_s) - skipped
         return cls(stroke.parent, path, skipped, count, first + skipped)
 
@@ -247,21 +250,6 @@ class ResidualRecording(AngleRecording):
                 f"angles of the healthy recordings of {self.baseline.name}."
             )
         return sections
-
-
-def _on_grid(path: ShaftPath, theta_s: float) -> tuple[ShaftPath, int, int]:
-    """Start a path earlier, by less than theta_s, at a whole multiple of theta_s.
-
-    Returns the path, the number of that multiple along the motion, and the number of samples
-    before the old start.
-    """
-    sign = path.direction
-    position = sign * path.start_angle / theta_s
-    first = int(np.floor(position + 1e-9))
-    ahead = (position - first) * theta_s
-    if ahead <= 1e-9 * theta_s:
-        return path, first, 0
-    return path.starting_before(ahead), first, 1
 
 
 class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ignore[call-arg]

@@ -10,17 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm.displays.drawing import (
-    LETTER,
-    MISSING,
-    ORDER_LABEL,
-    SMALL,
-    label_x,
-    line_style,
-    mark_orders,
-    panel_axes,
-    wrapped,
-)
+from emacm.displays import drawing
 from emacm.orders.bins import Band
 from emacm.orders.columns import BinBlock, parse_bin_columns
 
@@ -59,7 +49,7 @@ def bin_frame(blocks: Sequence[BinBlock], values: dict[str, NDArray[np.floating]
 def bin_panels(ax: Any, blocks: Sequence[BinBlock]) -> NDArray[np.object_]:
     """Return one Axes for each block, with limits and names along x."""
     same_bins = len({() if has_order_axis(block) else block.names for block in blocks}) == 1
-    axes = panel_axes(ax, len(blocks), shared="x" if same_bins else "")
+    axes = drawing.panel_axes(ax, len(blocks), shared="x" if same_bins else "")
     over_order = [block for block in blocks if has_order_axis(block)]
     edges = np.concatenate([bin_places(block) for block in over_order or blocks])
     for panel, block in zip(axes, blocks, strict=True):
@@ -67,8 +57,9 @@ def bin_panels(ax: Any, blocks: Sequence[BinBlock]) -> NDArray[np.object_]:
             panel.set_xlim(edges.min(), edges.max())
         else:
             name_bins(panel, block.names)
-    named = "order bin" if any(block.bands is None for block in blocks) else f"bin, {ORDER_LABEL}"
-    label_x(axes, ORDER_LABEL if len(over_order) == len(blocks) else named)
+    label = drawing.ORDER_LABEL
+    named = "order bin" if any(block.bands is None for block in blocks) else f"bin, {label}"
+    drawing.label_x(axes, label if len(over_order) == len(blocks) else named)
     return axes
 
 
@@ -77,11 +68,11 @@ def name_bins(panel: Any, names: Sequence[str]) -> None:
     panel.set_xlim(-0.6, len(names) - 0.4)
     step = 1 + len(names) // 40
     width = 72 / panel.figure.dpi * panel.get_window_extent().width
-    room = int(width / len(names) / LETTER) - 1
+    room = int(width / len(names) / drawing.LETTER) - 1
     upright = max(len(word) for name in names for word in name.split(" ")) > room
-    shown = [wrapped(name) if upright else fill(name, room) for name in names[::step]]
-    rotation = 90 if upright else 0
-    panel.set_xticks(np.arange(len(names))[::step], shown, rotation=rotation, fontsize=SMALL)
+    shown = [drawing.wrapped(name) if upright else fill(name, room) for name in names[::step]]
+    style = {"rotation": 90 if upright else 0, "fontsize": drawing.SMALL}
+    panel.set_xticks(np.arange(len(names))[::step], shown, **style)
 
 
 def draw_steps(
@@ -94,13 +85,13 @@ def draw_steps(
     gaps = 2 * np.flatnonzero(places[1:, 0] != places[:-1, 1]) + 2
     x = np.insert(places.ravel(), gaps, places.ravel()[gaps])
     y = np.insert(np.repeat(values, 2), gaps, np.nan)
-    style = {"linewidth": 1.3, "solid_joinstyle": "miter", **line_style(number), **style}
-    ax.plot(x, y, label=wrapped(label), **style)
+    style = {"linewidth": 1.3, "solid_joinstyle": "miter", **drawing.line_style(number), **style}
+    ax.plot(x, y, label=drawing.wrapped(label), **style)
 
 
 def draw_stop_bands(ax: Any, stop_bands: Sequence[Band]) -> None:
     """Hatch the orders that a filter removed."""
-    style = {"facecolor": "white", "edgecolor": MISSING, "hatch": "////", "zorder": 0}
+    style = {"facecolor": "white", "edgecolor": drawing.MISSING, "hatch": "////", "zorder": 0}
     for number, (low, high) in enumerate(stop_bands):
         ax.axvspan(low, high, label="" if number else "stop band", **style)
 
@@ -113,7 +104,7 @@ def mark_panels(
     They are named in the first panel [points].
     """
     heights = [
-        mark_orders(panel, lines, named=i == 0)
+        drawing.mark_orders(panel, lines, named=i == 0)
         for i, (panel, block) in enumerate(zip(axes, blocks, strict=True))
         if has_order_axis(block)
     ]

@@ -146,9 +146,6 @@ class RecordingDisplay(Display):
             panel.axvspan(start, stop, zorder=0, label=None if named else label, **style)
 
 
-Segments = tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]
-
-
 @dataclass(eq=False, repr=False)
 class OrderMapDisplay(OrderDisplay):
     """Order spectra of the segments of one recording, over time or over shaft speed.
@@ -331,7 +328,9 @@ class OrderMapDisplay(OrderDisplay):
         return edges, means.reindex(range(self.n_speeds)).to_numpy()
 
 
-def _segments(stroke: AngleStroke, step: int, length: int, welch: dict[str, Any]) -> Segments:
+def _segments(
+    stroke: AngleStroke, step: int, length: int, welch: dict[str, Any]
+) -> tuple[NDArray[np.floating], ...]:
     """Return spectra, intervals [s] and mean speeds [rad/s] of the segments of a stroke."""
     signal, theta_s = stroke.signals[0], stroke.parent.theta_s
     segments = np.lib.stride_tricks.sliding_window_view(signal, length)[::step]

@@ -10,16 +10,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from emacm.evaluation import figures
 from emacm.evaluation.bootstrap import GroupBootstrap
 from emacm.evaluation.caveats import confounding_caveats, scheme_caveats
-from emacm.evaluation.figures import (
-    codes_of,
-    confusion,
-    label_posteriors,
-    probability_columns,
-    reliability,
-    tallies,
-)
 from emacm.evaluation.held_out import HeldOut
 from emacm.evaluation.scoring import ScoringRule
 
@@ -159,13 +152,13 @@ def score_held_out(held_out: HeldOut, rule: ScoringRule) -> Evaluation:
     confusions, curves = {}, []
     for name, part in predictions.groupby("scheme", sort=False) if len(predictions) else ():
         groups, truths = part["group"].to_numpy(), part["true_label"]
-        rows[name] = dict(bootstrap.figures(tallies(part, rule), groups))
+        rows[name] = dict(bootstrap.figures(figures.tallies(part, rule), groups))
         rows[name] |= {"recordings": len(part), "folds": part["fold"].nunique()}
         rows[name] |= {"labels": truths.nunique(), "groups": part["group"].nunique()}
-        confusions[name] = confusion(part, rule)
+        confusions[name] = figures.confusion(part, rule)
         if "predicted_cost" in part:
-            posteriors = part[probability_columns(rule)].to_numpy(float)
-            curve = reliability(posteriors, codes_of(truths, rule.labels), groups)
+            posteriors = part[figures.probability_columns(rule)].to_numpy(float)
+            curve = figures.reliability(posteriors, figures.codes_of(truths, rule.labels), groups)
             curves.append(curve.assign(scheme=name)[["scheme", *curve.columns]])
     schemes = held_out.schemes
     names = pd.Index([scheme.name for scheme in schemes], name="scheme")
@@ -196,7 +189,7 @@ def judged_decisions(held_out: HeldOut, rule: ScoringRule) -> pd.DataFrame:
     posteriors = held_out.posteriors
     if len(posteriors.columns):
         costs = rule.predicted_costs(decisions, posteriors, table.get("unknown_proba"))
-        parts.append(label_posteriors(posteriors, rule).assign(predicted_cost=costs))
+        parts.append(figures.label_posteriors(posteriors, rule).assign(predicted_cost=costs))
     return pd.concat([*parts, table[certainty]], axis=1)
 
 

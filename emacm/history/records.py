@@ -36,10 +36,9 @@ ALARM = _table(
         "channel": _about(_TEXT, "channel; empty if it is the whole unit"),
         "kind": _about(_TEXT, "such as decision, untypical, input, or the name of a chart"),
         "severity": {"enum": ["warning", "alarm"], "description": "how serious it is"},
-        "state": {
-            "enum": ["raised", "acknowledged", "suppressed", "cleared"],
-            "description": "its state from now on",
-        },
+        "state": _about(
+            {"enum": ["raised", "acknowledged", "suppressed", "cleared"]}, "its state from now on"
+        ),
         "since": _about(_TIME, "when it was raised, in UTC"),
         "time": _about(_TIME, "when its state changed, in UTC"),
         "by": _about(_TEXT, "who acknowledged or suppressed it; empty if nobody did"),

@@ -240,15 +240,12 @@ def redistributed(levels: Array, censored: Bools) -> Array:
     >>> redistributed(np.array([0.2, 0.5, 0.8]), np.array([False, True, False])).tolist()
     [0.25, 0.0, 0.375]
     """
-    n_units = len(levels)
-    weights = np.full(n_units, 1 / (n_units + 1))
-    # At equal levels, failures come before censored units, as in the Kaplan-Meier estimate.
+    # This is the Kaplan-Meier estimate: at equal levels, failures come before censored units.
     order = np.lexsort((censored, levels))
-    for position, unit in enumerate(order):
-        if censored[unit]:
-            later = order[position + 1 :]
-            weights[later] += weights[unit] / (len(later) + 1)
-            weights[unit] = 0
+    at_risk = np.arange(len(levels), 0, -1) + 1
+    surviving = np.cumprod(np.append(1.0, 1 - ~censored[order] / at_risk))
+    weights = np.empty(len(levels))
+    weights[order] = surviving[:-1] - surviving[1:]
     return weights
 
 

@@ -413,11 +413,6 @@ class RemainingLife(RegressorMixin, SavedEstimator):
     def _predicted(self, X: Any, groups: Any, levels: Array) -> Array:
         """Return quantiles of the predicted distribution, (n_readings, n_levels)."""
         X, units = self._followed(X, groups)
-        self._warn_outside(X)
-        return self._quantiles(units, np.broadcast_to(levels, (len(X), len(levels))))
-
-    def _warn_outside(self, X: Array) -> None:
-        """Warn of readings far outside the range of the fit, naming the first."""
         texts = outside_fit(X, self._fitted_range, margin=0.1)
         rows = [row for row, text in enumerate(texts) if text]
         if rows:
@@ -425,8 +420,9 @@ class RemainingLife(RegressorMixin, SavedEstimator):
                 "extrapolation",
                 f"{len(rows)} of {len(X)} readings are far outside the range of the fit, where "
                 f"predictions extrapolate; row {rows[0]}: {texts[rows[0]]}",
-                stacklevel=4,
+                stacklevel=3,
             )
+        return self._quantiles(units, np.broadcast_to(levels, (len(X), len(levels))))
 
     def _quantiles(self, units: list[History], levels: Array) -> Array:
         quantiles = np.empty(levels.shape)

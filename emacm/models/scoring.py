@@ -180,11 +180,7 @@ def scored_rows(
 
 
 def _scored_batch(
-    model: Any,
-    facts: Callable[[Any], Row] | None,
-    sources: Sequence[Any],
-    names: Sequence[Any],
-    max_bytes: int = 1 << 25,
+    model: Any, facts: Callable[[Any], Row] | None, sources: Sequence[Any], names: Sequence[Any]
 ) -> list[Row]:
     """Return the rows of some recordings; those in memory at once are few or small."""
     texts = {"decision": None, "warnings": "", "outside_training": "", "error": ""}
@@ -208,7 +204,7 @@ def _scored_batch(
         rows[-1]["warnings"] = "; ".join(str(item.message) for item in caught)
         opened.append((rows[-1], recording))
         n_bytes += sum(len(samples) * samples.dtype.itemsize for samples in series)
-        if n_bytes > max_bytes:
+        if n_bytes > 1 << 25:
             _fill_and_release(model, opened)
             opened, n_bytes = [], 0
     _fill_and_release(model, opened)

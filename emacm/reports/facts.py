@@ -80,17 +80,6 @@ def span(low: float, high: float, unit: str) -> str:
     return f"{first} {unit}" if first == last else f"{first} to {last} {unit}"
 
 
-def speeds(low: float, high: float) -> str:
-    """Return a range of shaft speeds [rad/s] in rpm.
-
-    Examples
-    --------
-    >>> speeds(104.72, 157.08)
-    '1000 to 1500 rpm'
-    """
-    return span(low * 30 / np.pi, high * 30 / np.pi, "rpm")
-
-
 def when(time: Any, name: str = "") -> str:
     """Return a time, or the value of a counter with its name.
 
@@ -157,7 +146,7 @@ def healthy_label(
 
 def recording_facts(recording: Recording, name: str) -> Facts:
     """Return file, duration, revolutions, speed range, channels with rates and units, and meta."""
-    speed = np.abs(recording.velocity)
+    speed = np.abs(recording.velocity) * 30 / np.pi
     turned = float(np.abs(np.diff(recording.angle)).sum()) / (2 * np.pi)
     channels = [
         f"{channel} [{recording.units.get(channel) or 'unit not stated'}], {span(rate, rate, 'Hz')}"
@@ -167,7 +156,7 @@ def recording_facts(recording: Recording, name: str) -> Facts:
     return [
         ("File" if hasattr(recording, "path") else "Recording", name),
         ("Length", f"{recording.duration:.4g} s, {turned:.4g} revolutions"),
-        ("Speed of the shaft", speeds(float(speed.min()), float(speed.max()))),
+        ("Speed of the shaft", span(float(speed.min()), float(speed.max()), "rpm")),
         ("Channels", _shortened(channels, "; ")),
         *([("Meta", _shortened(meta))] if meta else []),
         ("Digest", recording.digest[:16]),

@@ -22,14 +22,7 @@ from emacm.explanations.explain import explain_decision
 from emacm.machine.fault_lines import FaultLines
 from emacm.machine.fault_orders import fault_series
 from emacm.machine.find_faults import find_faults
-from emacm.models.scoring import (
-    P_UNKNOWN,
-    measured_quality,
-    opened_classifier,
-    outside_training,
-    parts_with_input,
-    scored_rows,
-)
+from emacm.models import scoring
 from emacm.orders.columns import parse_order_columns
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.names import unit_ratio
@@ -43,7 +36,7 @@ from emacm.reports.facts import (
     recording_facts,
     when,
 )
-from emacm.reports.findings import Findings, Row, Spectra, find_raised
+from emacm.reports.findings import Findings, Spectra, find_raised
 
 Source = Callable[[], Any]  # of a recording
 Further = Callable[[Any], dict[str, Any]] | None  # values of a recording for its row
@@ -102,8 +95,6 @@ class Page:
         Since when, and the recommended action; empty if they are not known.
     statements : list of str
         What deviates from the training, of an unknown state; lines of a second state.
-    rows : list of Row
-        Raised orders.
     reference : str
         The class above which they are raised.
     normal, notes : list of str
@@ -137,7 +128,6 @@ class Page:
     since: str = ""
     action: str = ""
     statements: list[str] = field(default_factory=list)
-    rows: list[Row] = field(default_factory=list)
     reference: str = ""
     normal: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -197,7 +187,7 @@ def page_of(settings: Settings, source: Source, name: str, facts: Further = None
     Page
         Its `since` is empty.
     """
-    (row,) = scored_rows(settings.model, [source], [name], facts=facts)
+    (row,) = scoring.scored_rows(settings.model, [source], [name], facts=facts)
     if row["error"]:
         page = Page(name, "no decision", "error", [row["error"]], True, model_facts=settings.facts)
         page.row, page.recording = row, [("File", name)]
@@ -230,7 +220,7 @@ def _add_decision(page: Page, settings: Settings, recording: Recording) -> Any:
     label
         The most probable known state that was not decided; None if there is none.
     """
-    classifier, table = opened_classifier(settings.model, [recording])
+    classifier, table = scoring.opened_classifier(settings.model, [recording])
     decision, unknown = page.row["decision"], getattr(classifier, "unknown", None)
     states, posterior = classifier.classes_.tolist(), classifier.predict_proba(table)[0]
     own = _stands_for(classifier, decision)
@@ -273,26 +263,22 @@ def _add_decision(page: Page, settings: Settings, recording: Recording) -> Any:
 def _stands_for(classifier: Any, decision: Any) -> NDArray[np.bool_]:
     """Return for which classes a decision stands: its own, or all of a family."""
     states = classifier.classes_.tolist()
+    is_decision = np.array([state == decision for state in states])
     if not isinstance(classifier, LeastRiskMixin):
-        return np.array([state == decision for state in states])
+        return is_decision
     decisions, cost = classifier.decisions_.tolist(), classifier.cost_[:, : len(states)]
     covered = cost[decisions.index(decision)] <= cost.min(axis=0)
-    return np.array(
-        [
-            state == decision or (covers and state not in decisions)
-            for state, covers in zip(states, covered, strict=True)
-        ]
-    )
+    return is_decision | (covered & [state not in decisions for state in states])
 
 
 def _add_typicality(page: Page) -> None:
     """State how far the recording is from its state, beside those of the training."""
-    typicality, unknown = float(page.row["typicality"]), page.row.get(P_UNKNOWN)
+    typicality, unknown = float(page.row["typicality"]), page.row.get(scoring.P_UNKNOWN)
     if np.isnan(typicality):
         return
-    beside = ""
-    if unknown is not None:
-        beside = f"; the probability of an unknown state is {percent(unknown)}"
+    beside = (
+        "" if unknown is None else f"; the probability of an unknown state is {percent(unknown)}"
+    )
     if typicality <= 0.01:  # 1 in 100
         page.sentences.append(
             f"The recording is unusual: fewer than 1 in 100 training recordings are as far away "
@@ -311,7 +297,7 @@ def _add_warnings(page: Page, model: Any, recording: Recording) -> None:
     if isinstance(own, ConditionRouter):
         own = own.models_of([recording])[0]
     for resampler in fitted_resamplers(own)[:1]:
-        quality = measured_quality(resampler, recording)
+        quality = scoring.measured_quality(resampler, recording)
         unusual = resampler.training_range_.unusual(quality)
         page.first = [defect.text for defect in unusual]
         page.notes += [
@@ -325,7 +311,7 @@ def _add_warnings(page: Page, model: Any, recording: Recording) -> None:
             )
     page.doubtful = bool(page.first)
     with suppress(TypeError):  # the model does not know the range of its training
-        statements = outside_training(model, [recording])[0]
+        statements = scoring.outside_training(model, [recording])[0]
         if all(statement.kind == "new line" for statement in statements):
             page.normal.append(
                 "speed, sampling rates, levels and length within those of the training"
@@ -338,8 +324,8 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, other: A
     """State which orders are raised, or why this is not known."""
     model, parts = settings.model, settings.parts
     if parts is None:
-        known = [part.parts for part in parts_of(model) if isinstance(part, FaultLines)]
-        parts = known[0] if known else None
+        known = (part.parts for part in parts_of(model) if isinstance(part, FaultLines))
+        parts = next(known, None)
     page.parts = parts
     reference = settings.healthy if settings.healthy is not None else other
     background, healthy = settings.background, {}
@@ -360,7 +346,6 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, other: A
         judged = [fault.name for fault in fault_series(parts, 1)]
     found = find_raised(table, str(reference), parts, page.spectra, healthy, judged=judged)
     page.deviations, page.findings, page.reference = table, found, str(reference)
-    page.rows = found.rows
     page.normal += found.normal
     page.notes += found.notes
     recordings = "healthy recordings" if healthy else "training recordings"
@@ -377,7 +362,7 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, other: A
 
 def _order_spectra(model: Any, X: list[Any]) -> dict[str, tuple[Any, Any]]:
     """Return orders and power of each channel, as the first `OrderPSD` of a model computes them."""
-    for part, own in list(parts_with_input(model, X, OrderPSD))[:1]:
+    for part, own in list(scoring.parts_with_input(model, X, OrderPSD))[:1]:
         power = np.asarray(part.transform(own), dtype=np.float64)
         blocks = parse_order_columns(list(part.get_feature_names_out())) or ()
         return {block.channel: (block.orders, power[:, block.columns]) for block in blocks}

@@ -32,7 +32,7 @@ def pump(state, seed, fs=10_000, n=40_000):
 
 def against(page, truth):
     """Return wrong decisions, wrong rings that are named, and the own ring if called normal."""
-    rows = [text for row in page.rows for text in (row.component, row.orders)]
+    rows = [text for row in page.findings.rows for text in (row.component, row.orders)]
     named = " ".join([*page.sentences[1:], *rows])
     normal = " ".join(page.normal)
     names = {"outer": ("outer ring", "BPFO"), "inner": ("inner ring", "BPFI")}

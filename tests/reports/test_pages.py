@@ -59,17 +59,17 @@ def rises(row):
 def test_a_page_states_which_lines_of_which_component_rose_by_how_many_decibels():
     found = page(bins_model(), recording("outer race", 99))
     assert (found.decision, found.kind) == ("outer race", "fault")
-    first = found.rows[0]
+    first = found.findings.rows[0]
     assert first.component == "outer ring (drive end BPFO)"
     assert (first.channel, first.orders) == ("vib", "3.562 (1x), 7.125 (2x), 10.69 (3x)")
     assert first.raised.startswith("at least +")
     sizes = [bin_deviation("outer race", line, bins_model()) for line in ("3.5", "7", "10.5")]
     for rise, size in zip(rises(first), sizes, strict=True):
         assert size - 3.5 < rise <= size + 0.5  # at the edge of a bin, both may hold the line
-    assert len(found.rows) == 1
+    assert len(found.findings.rows) == 1
     assert not any("lines of" in text for text in found.normal)  # it is faulty
     assert "no order band and no feature of amps deviates from 'healthy'" in found.normal
-    exact = page(bins_model(), recording("outer race", 99), background=runs()[::3]).rows[0]
+    exact = page(bins_model(), recording("outer race", 99), background=runs()[::3]).findings.rows[0]
     assert (exact.component, exact.orders) == (first.component, first.orders)
     assert not exact.raised.startswith("at least")
     assert min(rises(exact)) > max(rises(first))  # above the noise at the line alone
@@ -124,7 +124,12 @@ def test_confidence_is_in_words():
 
 def test_a_healthy_recording_has_nothing_raised_and_much_that_is_normal():
     found = page(bins_model(), recording("healthy", 97))
-    assert (found.decision, found.kind, found.rows, found.first) == ("healthy", "healthy", [], [])
+    assert (found.decision, found.kind, found.findings.rows, found.first) == (
+        "healthy",
+        "healthy",
+        [],
+        [],
+    )
     assert any("speed, sampling rates, levels and length" in text for text in found.normal)
     assert any("without clipping" in text for text in found.normal)
     assert any("of the training recordings are as far" in text for text in found.normal)
@@ -152,18 +157,18 @@ def test_only_lines_that_rose_are_named_and_none_below_the_resolution():
     spectra = OrderResampler(2 * np.pi / 64), OrderPSD(25, max_order=24)
     model = make_pipeline(*spectra, *table, bayes).fit(X, ["healthy", "worn"] * 8)
     found = page(model, turning(WORN, 99), parts=GEAR)
-    assert [row[:3] for row in found.rows] == [("pinion", "vib", "2 (2x)")]
-    assert 15 < rises(found.rows[0])[0] <= 21
+    assert [row[:3] for row in found.findings.rows] == [("pinion", "vib", "2 (2x)")]
+    assert 15 < rises(found.findings.rows[0])[0] <= 21
     assert any("do not resolve the lines of hunting tooth (hunting)" in n for n in found.notes)
     found = page(model, turning(WORN, 99), parts=GEAR, background=X[::2])
-    assert [row[:3] for row in found.rows] == [("pinion", "vib", "1 (1x), 2 (2x)")]
-    assert rises(found.rows[0]) == pytest.approx([RISES[1], RISES[2]], abs=1)
+    assert [row[:3] for row in found.findings.rows] == [("pinion", "vib", "1 (1x), 2 (2x)")]
+    assert rises(found.findings.rows[0]) == pytest.approx([RISES[1], RISES[2]], abs=1)
 
 
 @pytest.mark.parametrize(("decibel", "text"), [(-2.0, "−2 dB"), (2.0, "+2 dB")])
 def test_a_gain_of_all_orders_is_one_row_and_no_band_deviates(decibel, text):
     found = page(bins_model(), recording("healthy", 97, gain=10 ** (decibel / 20)))
-    assert found.rows == [("all orders together", "vib", "all", text)]
+    assert found.findings.rows == [("all orders together", "vib", "all", text)]
 
 
 def test_an_unknown_state_states_what_deviates_and_that_it_is_not_known():
@@ -171,7 +176,7 @@ def test_an_unknown_state_states_what_deviates_and_that_it_is_not_known():
     assert (found.decision, found.kind) == ("unknown", "unknown")
     assert "unlike all states that the model knows (healthy, inner race and" in found.sentences[0]
     assert any("orders 4 to 4.5 of 'vib'" in text for text in found.statements)
-    assert [(row.component, row.orders) for row in found.rows] == [
+    assert [(row.component, row.orders) for row in found.findings.rows] == [
         ("no known part", "4.188, 8.375, 12.56")
     ]
 
@@ -191,8 +196,8 @@ def test_wrong_input_is_stated_first_and_makes_the_decision_doubtful():
     found = page(bins_model(), recording("outer race", 95, gain=1000))
     assert found.doubtful
     assert "channel 'vib' 60 dB above training" in found.first[0]
-    assert found.rows[0] == ("all orders together", "vib", "all", "+60 dB")
-    assert found.rows[1].component == "outer ring (drive end BPFO)"  # beyond the gain
+    assert found.findings.rows[0] == ("all orders together", "vib", "all", "+60 dB")
+    assert found.findings.rows[1].component == "outer ring (drive end BPFO)"  # beyond the gain
     assert not any("levels and length within" in text for text in found.normal)
     clipped = np.clip(recording("healthy", 94).signals["vib"], -0.8, 0.8)
     new = Recording(
@@ -251,22 +256,22 @@ def test_fault_lines_name_the_component(parts):
     model = fitted(make_pipeline(*steps(StandardScaler(), table=lines)))
     found = page(model, recording("outer race", 99), parts=parts)
     assert found.decision == "outer race"
-    first = found.rows[0]
+    first = found.findings.rows[0]
     assert (first.component, first.channel) == ("outer ring (drive end BPFO)", "vib")
     levels = model[:3].transform([*runs()[::3], recording("outer race", 99)])[:, 0]
     assert first.raised == f"+{levels[-1] - levels[:-1].mean():.0f} dB"
     # The third line of BPFO is where the second one of BPFI may be; the spectrum decides.
-    assert not any("BPFI" in row.component for row in found.rows)
+    assert not any("BPFI" in row.component for row in found.findings.rows)
 
 
 def test_projected_features_need_healthy_recordings():
     model = fitted(make_pipeline(*steps(FunctionTransformer(np.log10), PCA(6))))
     new = recording("outer race", 99)
     found = page(model, new)
-    assert found.rows == []
+    assert found.findings is None
     assert any("give training recordings as background" in text for text in found.notes)
     found = page(model, new, background=runs()[::3])
-    assert found.rows[0].component == "outer ring (drive end BPFO)"
+    assert found.findings.rows[0].component == "outer ring (drive end BPFO)"
 
 
 def test_a_router_is_stated_by_the_model_of_the_condition():
@@ -275,7 +280,7 @@ def test_a_router_is_stated_by_the_model_of_the_condition():
     groups = np.arange(48) // 6
     router.fit(X, np.repeat(STATES, 2), costsensitivegaussianbayes__groups=groups)
     found = page(router, recording("outer race", 99, meta={"load": 40}))
-    assert found.rows[0].component == "outer ring (drive end BPFO)"
+    assert found.findings.rows[0].component == "outer ring (drive end BPFO)"
     assert list(found.spectra)
     assert ("Meta", "load = 40") in found.recording
 
@@ -307,7 +312,7 @@ def test_a_model_without_densities_states_why_no_orders_are_given():
     model = fitted(make_pipeline(*steps(FunctionTransformer(np.log10), bayes=forest)))
     found = page(model, recording("outer race", 99))
     assert found.decision == "outer race"
-    assert found.rows == []
+    assert found.findings is None
     assert any(text.startswith("Which orders are raised is not known") for text in found.notes)
 
 
@@ -317,9 +322,9 @@ def test_features_without_orders_are_in_standard_deviations():
         CostSensitiveGaussianBayes(covariance="tied", shrinkage=0.1),
     ).fit(runs(), STATES)
     found = page(model, recording("outer race", 99, gain=30.0))
-    assert found.rows[0].orders == "std"
-    assert found.rows[0].channel == "vib"
-    assert found.rows[0].raised.endswith("standard deviations")
+    assert found.findings.rows[0].orders == "std"
+    assert found.findings.rows[0].channel == "vib"
+    assert found.findings.rows[0].raised.endswith("standard deviations")
     assert not found.spectra
 
 
@@ -331,7 +336,7 @@ def test_without_a_healthy_state_the_most_probable_other_one_is_the_reference():
     model.fit(X, STATES[faulty], costsensitivegaussianbayes__groups=np.arange(16) // 2)
     found = page(model, recording("outer race", 99))
     assert found.reference == "inner race"
-    assert {row.component for row in found.rows} >= {"outer ring (drive end BPFO)"}
+    assert {row.component for row in found.findings.rows} >= {"outer ring (drive end BPFO)"}
 
 
 # Facts and settings
