@@ -238,7 +238,7 @@ def test_a_name_that_is_not_there_is_an_attribute_error():
 
 
 # Filled step by step, or from options that were checked.
-COLLECTED = {"Contents", "FileColumns", "Page", "SegmentPlan"}
+COLLECTED = {"FileColumns", "FileContents", "Page", "SegmentPlan", "_Position"}
 
 
 @pytest.mark.slow
