@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 
@@ -89,10 +88,7 @@ class Recipe(Method):
         union = self.recipe[0]
         rows = np.flatnonzero(fold.train)
         union.fit([known.X[i] for i in rows], known.state[rows])
-        with warnings.catch_warnings():
-            # Of known recordings, about 2 in 100 have a line that the training does not have.
-            warnings.filterwarnings("ignore", ".*above the training maximum")
-            return np.asarray(union.transform(known.X))
+        return np.asarray(union.transform(known.X))
 
     def names(self) -> list[str]:
         """Return the names of the features."""

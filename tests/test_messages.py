@@ -11,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from sklearn.calibration import CalibratedClassifierCV
+from sklearn.model_selection import cross_val_predict
 
 import emacm
 from emacm import (
@@ -81,6 +83,12 @@ CASES = {
         unknown="unknown"
     ).fit(X, Y),
     "LeastRiskClassifier: no probabilities": lambda: LeastRiskClassifier(OrderPSD()).fit(X, Y),
+    "LeastRiskClassifier: hidden unknown state": lambda: LeastRiskClassifier(
+        CalibratedClassifierCV(CostSensitiveGaussianBayes(unknown="unknown"))
+    ).fit(X, Y),
+    "cross_val_predict: costs by name": lambda: cross_val_predict(
+        CostSensitiveGaussianBayes({("healthy", "worn"): 2.0}), X, Y, method="predict_proba"
+    ),
     "ConditionRouter: no condition": lambda: ConditionRouter(FITTED, "load").fit(
         [RUN] * 4, ["healthy", "worn"] * 2
     ),

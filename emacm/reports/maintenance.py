@@ -77,7 +77,9 @@ def maintenance_report(
         Deviations are from its mean; without such a state, from that of the most probable other
         one.
     background : list of Recording, optional
-        Healthy recordings. Needed only where the features are projections (PCA, LDA).
+        Healthy recordings, above which the rise of each line is measured. Default: the least rise
+        is stated, from the healthy power of its bin. Needed where the features are projections
+        (PCA, LDA).
     history : DataFrame, optional
         Earlier results, as from `score`, with the column "decision", and "unit" and "time" if these
         are given.
@@ -107,9 +109,11 @@ def maintenance_report(
 
     Notes
     -----
-    A component is named if at least half of its first three lines are raised by 3 dB and 4 standard
-    deviations above the healthy recordings of the training, and, where the model computes order
-    spectra, at least half of them are 6 dB above the local background.
+    Where the model computes order spectra, a line is listed if it is 6 dB above its local
+    background and rose by 3 dB and 4 standard deviations above the healthy recordings, with the
+    nearest line of a component. If fewer than half of the first three lines of that component are
+    above the background, it is a single line at this order. Other bins and features are listed as
+    ranges from the same limits on.
 
     Examples
     --------

@@ -284,7 +284,6 @@ def model():
     return pipeline().fit(runs, healthindex__groups=np.arange(10), healthindex__units=["A"] * 10)
 
 
-@pytest.mark.filterwarnings("ignore:recording [0-9]+. line at order")
 def test_recordings_of_every_night_give_a_trend_and_a_bad_one_a_row(model):
     new = [recording(20 + k, "A", 30 - k, wear) for k, wear in enumerate([2.0, 1.0, 0.0, 0.0])]
     new.insert(1, recording(40, "A", 35, n=30))

@@ -69,7 +69,6 @@ def with_signals(recording, change):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:(?s).*above (the )?training")
 def test_with_twelve_simulated_units_a_line_40_db_above_the_training_is_not_called_healthy():
     recordings, states, units = simulate_fleet(4, 2, severity=(0.1, 0.6), seed=3)
     pipe = features()

@@ -24,8 +24,6 @@ from emacm import (
 FS, N, SPEED = 2_000, 9_000, 40.0
 FIRST = {"vibration": (3.3, 1.0), "current": (7.6, 12.0)}  # order and amplitude of the own line
 
-pytestmark = pytest.mark.filterwarnings("ignore:recording 0")  # levels far outside the training
-
 
 def run(seed, gain=None, lines=(), worn=False, noise=1.0, load=20, change=None):
     """Two channels with noise and a line each; lines are (channel, order, amplitude)."""
@@ -115,7 +113,6 @@ def test_what_is_wrong_with_the_measurement_is_stated_first(model, options, word
     assert re.search(words, statements(model, run(50, **options))[0])
 
 
-@pytest.mark.filterwarnings("ignore:recording [0-9]+. line at order")
 def test_a_line_is_stated_with_its_bin_and_its_level_above_the_training_maximum(model):
     recording = run(50, lines=[("vibration", 9.4, 0.8)])
     (words,) = statements(model, recording)
@@ -133,7 +130,6 @@ def test_where_no_bin_is_outside_the_training_the_largest_contributions_are_name
     assert words.count("@") == 3
 
 
-@pytest.mark.filterwarnings("ignore:recording [0-9]+. line at order")
 def test_deviations_are_exact_in_decibels_with_and_without_logarithm_and_scaling(model):
     recording = run(50, gain={"vibration": 2.0, "current": 2.0})
     plain = fitted(chain(classifier()))[0]

@@ -65,7 +65,6 @@ VARIANTS = {
     "with phase": {"phase": True},
     "relative to healthy": {"phase": True, "healthy": "normal"},
 }
-new_lines = pytest.mark.filterwarnings("ignore:recording 0. line at order")
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
@@ -128,7 +127,6 @@ def another_machine(seed):
     return Recording({"current": current, "error": error}, FS, angle=angle, meta=meta)
 
 
-@new_lines
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_another_machine_is_unknown(variant):
     model = deepcopy(trained(variant))
@@ -147,7 +145,6 @@ def test_evaluate_passes_the_runs_and_counts_decisions_on_families():
     assert result.table.loc["by run", "false_alarm_rate"] == 0.0
 
 
-@new_lines
 def test_without_groups_single_recordings_are_left_out_with_a_warning():
     X, y = campaign(5, loads=(20,))
     with pytest.warns(UserWarning, match="make the model over-confident"):

@@ -229,7 +229,6 @@ def test_a_wrapped_angle_is_continued_over_the_blocks():
     np.testing.assert_allclose(reading.features, expected, rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.filterwarnings("ignore:recording 0")  # of the drift, in a part of the recording
 @pytest.mark.parametrize(
     ("rates", "reference"),
     [("one rate", "angle"), ("slow shaft", "velocity"), ("mixed", "velocity"), ("mixed", "angle")],
