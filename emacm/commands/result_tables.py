@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 from sklearn.pipeline import Pipeline
 
-from emacm._saved import written_whole
+from emacm._saved import write_whole
 from emacm.history.records import SCHEMA, record_of
 from emacm.history.sqlite_history import History, is_history
 from emacm.models.scoring import score_columns
@@ -154,8 +154,7 @@ class ResultTable(Table):
 
     def write(self, rows: Sequence[Row]) -> None:
         """Write these rows in place of all others."""
-        with written_whole(self.path) as unfinished:
-            unfinished.write_bytes(self._content(rows, heading=True))
+        write_whole(self.path, self._content(rows, heading=True))
 
     def append(self, row: Row, features: Any) -> Row:
         """Write one row to the disk, all of it or nothing with an error, and return it."""
