@@ -20,13 +20,12 @@ from emacm.recordings.digests import model_digest
 from emacm.reports.inputs import as_cell, of_cell
 
 Row = dict[str, Any]
-_OF_STREAMS = ("alarms", "stream_start", "stream_end")
 
 
 def columns_of(model: Any, *, of_streams: bool = False) -> list[str]:
     """Return the columns of a table: those of `score`, and the other fields of a record."""
     first = score_columns(model)
-    left_out = () if of_streams else _OF_STREAMS
+    left_out = () if of_streams else ("alarms", "stream_start", "stream_end")
     return [*first, *(n for n in record_of({}) if n not in (*first, *left_out))]
 
 
