@@ -120,6 +120,12 @@ def written_whole(path: Path) -> Iterator[Path]:
         unfinished.unlink(missing_ok=True)
 
 
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file as a whole, as `written_whole` does."""
+    with written_whole(path) as unfinished:
+        unfinished.write_bytes(content)
+
+
 @contextmanager
 def locked(path: Path) -> Iterator[None]:
     """Let no other process use `path` meanwhile; nothing is locked on systems without fcntl.

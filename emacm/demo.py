@@ -7,6 +7,7 @@ import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import joblib
 import numpy as np
@@ -48,7 +49,7 @@ def simulated_demo(out: Path, *, n_jobs: int | None = None) -> None:
     print("24 simulated actuators: 8 healthy, 8 with a spalled ball screw, 8 with a spall of the")
     print("bearing's inner ring (severity 0.1 to 0.5); 4 runs of 6 s, speed varies and reverses.")
     recordings, states, units = simulate_fleet(8, 4, severity=(0.1, 0.5), seed=1)
-    model = _search(recordings, states, units, n_jobs=n_jobs)
+    model = _search(recordings, states, units, n_jobs)
 
     others, truths, _ = simulate_fleet(8, 3, severity=(0.1, 0.5), seed=1, first_unit=8)
     print("\nTest: 24 further actuators, 3 runs each. Rows are decisions, columns true states.")
@@ -103,11 +104,7 @@ def print_decisions(
 
 
 def _search(
-    recordings: list[Recording],
-    states: NDArray[np.str_],
-    units: NDArray[np.int_],
-    *,
-    n_jobs: int | None,
+    recordings: list[Recording], states: NDArray[Any], units: NDArray[Any], n_jobs: int | None
 ) -> Pipeline:
     """Return the pipeline of least expected cost, fitted; spectra are estimated only once."""
     grid = {
@@ -145,10 +142,7 @@ def _search(
 
 
 def _draw(
-    models: Mapping[float, Pipeline],
-    recordings: list[Recording],
-    states: NDArray[np.str_],
-    file: Path,
+    models: Mapping[float, Pipeline], recordings: list[Recording], states: NDArray[Any], file: Path
 ) -> None:
     """Draw the order spectra by state, and the decision regions under each cost matrix."""
     figure, (spectra, regions) = offscreen_panels(2, 2, height=7.4)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from emacm._checks import located
-from emacm._saved import written_whole
+from emacm._saved import write_whole, written_whole
 from emacm.files.drafts import FileContents, contents_of, contents_table, draft_layout, files_table
 from emacm.files.folder import recording_files
 from emacm.recordings.names import printable
@@ -54,8 +54,7 @@ def _write(contents: FileContents, path: Path, options: argparse.Namespace) -> N
     if options.draft is not None:
         if options.draft.exists():
             raise ValueError(f"{str(options.draft)!r} exists. Choose another name for --draft.")
-        with written_whole(options.draft) as unfinished:
-            unfinished.write_text(draft_layout(contents, path, options.meta), encoding="utf-8")
+        write_whole(options.draft, draft_layout(contents, path, options.meta).encode())
         print(f"Draft of the layout: {printable(options.draft)}")
     if options.plot is not None:
         _plot(contents, options.plot)

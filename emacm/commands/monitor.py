@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from emacm._checks import located
-from emacm._saved import locked, written_whole
+from emacm._saved import locked, write_whole
 from emacm.commands.stream_records import Record, StreamRecords
 from emacm.files.csv_files import text_table
 from emacm.files.file_columns import FileColumns, recording_arguments, start_of, time_of_sample
@@ -171,12 +171,11 @@ class _Evidence:
             return
         self._folder.mkdir(parents=True, exist_ok=True)
         path = self._folder / f"{name}.csv"
-        with written_whole(path) as unfinished:
-            unfinished.write_bytes(b"".join([*header, *rows]))
+        write_whole(path, b"".join([*header, *rows]))
         source = partial(open_recording, path, self._layout)
-        (found,) = scored_rows(self._model, [source], [record["recording"]])
-        with written_whole(path.with_suffix(".json")) as unfinished:
-            unfinished.write_text(json.dumps(record_of({**record, **found}), indent=1))
+        (scored,) = scored_rows(self._model, [source], [record["recording"]])
+        content = json.dumps(record_of({**record, **scored}), indent=1)
+        write_whole(path.with_suffix(".json"), content.encode())
 
 
 @dataclass
@@ -391,8 +390,7 @@ class _Stream:
         }
         for name in _BYTES:
             state[name] = state[name].decode("latin-1")  # any bytes as a text of JSON
-        with written_whole(self._options.state) as unfinished:
-            unfinished.write_bytes(packed(state))
+        write_whole(self._options.state, packed(state))
 
 
 def _decoded(lines: list[bytes]) -> list[str]:

@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 from sklearn.pipeline import Pipeline
 
-from emacm._saved import written_whole
+from emacm._saved import write_whole
 from emacm.history.records import SCHEMA, record_of
 from emacm.history.sqlite_history import History, is_history
 from emacm.models.scoring import score_columns
@@ -20,13 +20,12 @@ from emacm.recordings.digests import model_digest
 from emacm.reports.inputs import as_cell, of_cell
 
 Row = dict[str, Any]
-_OF_STREAMS = ("alarms", "stream_start", "stream_end")
 
 
 def columns_of(model: Any, *, of_streams: bool = False) -> list[str]:
     """Return the columns of a table: those of `score`, and the other fields of a record."""
     first = score_columns(model)
-    left_out = () if of_streams else _OF_STREAMS
+    left_out = () if of_streams else ("alarms", "stream_start", "stream_end")
     return [*first, *(n for n in record_of({}) if n not in (*first, *left_out))]
 
 
@@ -154,8 +153,7 @@ class ResultTable(Table):
 
     def write(self, rows: Sequence[Row]) -> None:
         """Write these rows in place of all others."""
-        with written_whole(self.path) as unfinished:
-            unfinished.write_bytes(self._content(rows, heading=True))
+        write_whole(self.path, self._content(rows, heading=True))
 
     def append(self, row: Row, features: Any) -> Row:
         """Write one row to the disk, all of it or nothing with an error, and return it."""

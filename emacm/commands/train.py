@@ -77,7 +77,7 @@ def run(options: argparse.Namespace) -> int:
     keys = (options.labels, options.groups)
     stated = {"keys": keys, "intended_use": options.intended_use, "limits": options.limits}
     if options.like is None:
-        _print_channels(model, X, labels, groups, healthy, evaluation)
+        _print_channels(model, X, labels, groups, evaluation)
         stated |= {"recordings": X, "model": model}
     else:
         print("- The range of the training and its spectral lines are those of the first training.")
@@ -131,11 +131,10 @@ def _print_channels(
     recordings: RecordingFolder,
     labels: Sequence[Any],
     groups: Sequence[Any],
-    healthy: Any,
     evaluation: Evaluation,
 ) -> None:
     """Print what the decisions on whole units cost without each channel, and warn if less."""
-    channels = recordings[0].channels
+    channels, healthy = recordings[0].channels, evaluation.scoring.healthy
     if len(channels) < 2:
         return
     features = np.asarray(model[:-1].transform(recordings))

@@ -47,7 +47,7 @@ def mean_sections(recordings: Sequence[Sequence[GridSignals]]) -> tuple[GridSign
     Returns
     -------
     tuple of GridSignals
-        Means over all strokes, float64, in ascending order; empty if there is no stroke.
+        Means over all strokes, float64, in ascending order.
 
     Examples
     --------
@@ -57,8 +57,6 @@ def mean_sections(recordings: Sequence[Sequence[GridSignals]]) -> tuple[GridSign
     (0, [[1.0, 3.0, 4.0, 6.0]])
     """
     strokes = [stroke for strokes in recordings for stroke in strokes]
-    if not strokes:
-        return ()
     first, stop = min(s.first for s in strokes), max(s.stop for s in strokes)
     total = np.zeros((len(strokes[0].signals), stop - first))
     counts, visits = np.zeros(stop - first), np.zeros(stop - first)

@@ -22,7 +22,7 @@ class ContributionsDisplay(OrderDisplay):
     columns : sequence of str
         Names ``channel@low-high`` or ``channel@name``, as written by `BinTransformer`.
     contributions : array-like of shape (n_columns,)
-        Contribution of each bin, signed: positive values are evidence for the decision.
+        Contribution of each bin [nats], signed: positive values are evidence for the decision.
     fault_orders : DataFrame of `emacm.fault_orders`, or mapping of str to float, optional
         Predicted fault orders, which are marked. Those outside of the bins are not drawn.
     slip : float
@@ -30,8 +30,6 @@ class ContributionsDisplay(OrderDisplay):
         order, and this range is shaded. In a mapping every order may slip.
     decision : str
         The decision that is explained.
-    unit : str
-        Unit of the contributions, such as "nats" for log odds.
 
     Attributes
     ----------
@@ -56,7 +54,6 @@ class ContributionsDisplay(OrderDisplay):
     columns: InitVar[Sequence[Any]]
     contributions: Any
     decision: str = field(default="the decision", kw_only=True)
-    unit: str = field(default="nats", kw_only=True)
 
     def __post_init__(self, columns: Sequence[Any]) -> None:
         super().__post_init__()
@@ -78,7 +75,7 @@ class ContributionsDisplay(OrderDisplay):
         ax : matplotlib Axes or sequence of Axes, optional
             Where to draw: one Axes for each channel.
         **options
-            As for the class: fault_orders, slip, decision, unit.
+            As for the class: fault_orders, slip, decision.
 
         Returns
         -------
@@ -115,6 +112,6 @@ class ContributionsDisplay(OrderDisplay):
                     panel.fill_between([], [], label=label, linewidth=0.5, **style)
             panel.axhline(0, color="black", linewidth=0.6)
             panel.set_ylim(limits)  # equal in all channels, for comparison
-            drawing.label_y(panel, f"contribution of {block.channel}", self.unit)
+            drawing.label_y(panel, f"contribution of {block.channel}", "nats")
         drawing.legend_above(axes[0], gap=bars.mark_panels(axes, self.blocks, self.fault_orders))
         return axes

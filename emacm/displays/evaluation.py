@@ -121,9 +121,9 @@ class EvaluationDisplay(Display):
             raise ValueError(f"scheme must be one that was scored: {scored}; got {scheme!r}.")
         curve = evaluation.calibration
         curve = curve[curve["scheme"] == chosen] if len(curve) else None
-        confusion = evaluation.confusions[chosen]
         if evaluation.scoring.healthy is not None:
             options.setdefault("healthy", evaluation.scoring.healthy)
+        confusion = evaluation.confusions[chosen]
         return cls(evaluation.table, confusion, curve, scheme=chosen, **options).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:

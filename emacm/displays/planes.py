@@ -217,7 +217,6 @@ class FeatureDensityDisplay(PlaneDisplay):
         return ax
 
 
-_UNKNOWN = ("#555555", "..")  # colour and hatch of the unknown state
 _LINES = "0.72"  # grey of hatches
 
 
@@ -340,7 +339,7 @@ class DecisionRegionsDisplay(PlaneDisplay):
         """Draw the region of one decision; return a patch for the legend."""
         colour, hatch = drawing.colour_of(number), drawing.style_of(drawing.HATCHES, number)
         if str(self.decisions[code]) == str(self.unknown):
-            colour, hatch = _UNKNOWN
+            colour, hatch = "#555555", ".."
         colour = drawing.tint(colour, 0.22)
         # One decision at a time: contours between two numbers would pass through others.
         inside = (self.regions == code).astype(float)

@@ -132,13 +132,8 @@ def compare(
         )
     table = pd.DataFrame([each.table.loc[compared] for each in named.values()], [*named])
     differences = pd.DataFrame([*rows.values()], index=[*rows])
-    return Comparison(
-        table=table.infer_objects(),
-        differences=differences[[name for name in base.table if name in differences]],
-        caveats=caveats,
-        scheme=compared,
-        reference=first,
-    )
+    differences = differences[[name for name in base.table if name in differences]]
+    return Comparison(table.infer_objects(), differences, caveats, compared, first)
 
 
 def _by_name(evaluations: Any) -> dict[str, Evaluation]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -67,11 +66,8 @@ def _in_service(values: pd.Series, truths: pd.Series, rule: ScoringRule) -> Tall
     weights = np.array([rule.priors[rule.classes[cell]] for cell in np.unique(cells)])
     if not weights.sum() > 0:
         return Tally(values, np.full(len(values), -1))
-    return Tally(values, cells, partial(_weighted_mean, weights / weights.sum()))
-
-
-def _weighted_mean(weights: Array, sums: Array, counts: Array) -> Array:
-    return (sums / np.where(counts > 0, counts, np.nan)) @ weights
+    weights /= weights.sum()
+    return Tally(values, cells, lambda s, n: (s / np.where(n > 0, n, np.nan)) @ weights)
 
 
 def confusion(judged: pd.DataFrame, rule: ScoringRule) -> pd.DataFrame:

@@ -222,14 +222,8 @@ def scoring_rule(
     if priors is not None:
         known_priors, _ = truth_priors(priors, classes, np.ones(len(classes)), unknown)
         priors = dict(zip(names, known_priors.tolist(), strict=True))
-    return ScoringRule(
-        names,
-        correct,
-        table,
-        healthy=_healthy_label(healthy, {name: correct[name][0] for name in names}),
-        unknown=unknown,
-        priors=priors,
-    )
+    healthy = _healthy_label(healthy, {name: correct[name][0] for name in names})
+    return ScoringRule(names, correct, table, healthy, unknown, priors)
 
 
 def _healthy_label(healthy: Any, family_of: Mapping[Any, Any]) -> Any:

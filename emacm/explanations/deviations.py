@@ -221,8 +221,7 @@ def class_deviations(
     Raises
     ------
     TypeError, ValueError
-        As `explain_decision`; or if `reference` is not a class, or the features are projections and
-        there is no `background`.
+        As `explain_decision`; or if the features are projections and there is no `background`.
 
     Examples
     --------
@@ -252,12 +251,9 @@ def _learned(
     classifier: CostSensitiveGaussianBayes, is_projected: bool, reference: Any
 ) -> tuple[Array, Array]:
     """Return mean and standard deviations of the positions of a class, as learned."""
-    classes = classifier.classes_.tolist()
-    if reference not in classes:
-        raise ValueError(f"reference must be one of the classes {classes}, got {reference!r}.")
     if is_projected:
         raise ValueError(f"{PROJECTED}.")
-    code = classes.index(reference)
+    code = classifier.classes_.tolist().index(reference)
     covariances = np.asarray(classifier.covariances_)
     if classifier.covariance == "tied":
         variances = np.diag(covariances)

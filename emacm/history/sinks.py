@@ -22,7 +22,7 @@ from urllib.parse import quote, urlsplit
 
 import pandas as pd
 
-from emacm._saved import written_whole
+from emacm._saved import write_whole
 from emacm._statements import warn
 from emacm.history.sqlite_history import History, is_history
 
@@ -251,8 +251,7 @@ class PrometheusFile:
                 if value is not None:
                     labels = f"{{unit={_quoted(unit)}{label}}}"
                     texts[gauge] += f"emacm_{gauge}{labels} {float(value)!r}\n"
-        with written_whole(self._path) as unfinished:
-            unfinished.write_bytes("".join(texts.values()).encode())
+        write_whole(self._path, "".join(texts.values()).encode())
 
 
 _GAUGES = {

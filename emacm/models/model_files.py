@@ -21,7 +21,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import located
-from emacm._saved import installed_versions, values_as_lists, written_whole
+from emacm._saved import installed_versions, values_as_lists, write_whole
 from emacm._statements import warn
 from emacm.decisions.pipelines import check_unknown_states, fitted_resamplers, parts_of
 from emacm.decisions.truths import label_positions
@@ -158,9 +158,7 @@ def save_model(
     _check_types(skops.get_untrusted_types(data=stored))
     about = json.dumps(_description(model, note, evidence), default=str).encode()
     body = len(about).to_bytes(8, "little") + about + stored
-    content = _START + sha256(body).hexdigest().encode() + b"\n" + body
-    with written_whole(file) as unfinished:
-        unfinished.write_bytes(content)
+    write_whole(file, _START + sha256(body).hexdigest().encode() + b"\n" + body)
 
 
 def load_model(path: str | os.PathLike[str]) -> Any:

@@ -324,10 +324,7 @@ def opened_classifier(model: Any, X: list[Any]) -> tuple[Any, Any]:
     final, table = before_the_last_step(model, X)
     if not isinstance(final, ConditionRouter):
         return final, table
-    own, *others = final.models_of(table)
-    if any(other is not own for other in others):
-        raise ValueError("the recordings are of several conditions.")
-    inner, features = opened_classifier(own, table)
+    inner, features = opened_classifier(final.models_of(table)[0], table)
     return final.with_present_costs(inner), features
 
 

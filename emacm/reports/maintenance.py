@@ -17,7 +17,7 @@ from urllib.parse import quote, unquote
 
 import pandas as pd
 
-from emacm._saved import written_whole
+from emacm._saved import write_whole
 from emacm.machine.fault_orders import fault_series
 from emacm.models.model_files import load_model
 from emacm.models.scoring import check_model
@@ -221,8 +221,7 @@ class Reports:
             for page, link in zip(pages, links[len(before) :], strict=True)
         ]
         # The list is last: pages that are missing, as after a kill, are written by the next run.
-        with written_whole(self._target / LIST_OF_PAGES) as unfinished:
-            unfinished.write_text(json.dumps(entries, indent=1), encoding="utf-8")
+        write_whole(self._target / LIST_OF_PAGES, json.dumps(entries, indent=1).encode())
         index = self._target / "index.html"
         return [*files, written_page(index, "index", entries=entries, has_fleet=has_fleet)]
 

@@ -10,7 +10,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from emacm._saved import written_whole
+from emacm._saved import write_whole
 
 
 @cache
@@ -41,8 +41,7 @@ def templates() -> Any:
 def written_page(file: Path, template: str, **content: Any) -> Path:
     """Write an HTML document, whose texts are all escaped, and return its file."""
     html = templates().get_template(f"{template}.html.jinja2").render(**content)
-    with written_whole(file) as unfinished:
-        unfinished.write_text(html, encoding="utf-8", errors="backslashreplace")
+    write_whole(file, html.encode("utf-8", "backslashreplace"))
     return file
 
 
@@ -124,6 +123,5 @@ def written_record(record: Any, path: Path | None, *, as_json: bool = False) -> 
     if path is None:
         return str(record.to_json() if as_json else record)
     forms = {".json": record.to_json, ".html": record.to_html, ".txt": record.__str__}
-    with written_whole(path) as unfinished:
-        unfinished.write_text(forms[path.suffix](), encoding="utf-8")
+    write_whole(path, forms[path.suffix]().encode())
     return ""

@@ -205,17 +205,11 @@ def verify_model(path: str | os.PathLike[str], recordings: RecordingFolder) -> V
             f"model {path}: it states no training files. Train it by emacm train, from files."
         )
     model = load_model(path)
-    labels = read_meta(recordings, stated["labels"], role="--labels")
-    groups = read_meta(recordings, stated["groups"], role="--groups")
+    keys = (stated["labels"], stated["groups"])
+    labels = read_meta(recordings, keys[0], role="--labels")
+    groups = read_meta(recordings, keys[1], role="--groups")
     found = evaluate(clone(model), recordings, labels, units=groups, healthy=about["healthy"])
-    again = training_evidence(
-        found,
-        labels,
-        groups,
-        keys=(stated["labels"], stated["groups"]),
-        recordings=recordings,
-        model=model,
-    )
+    again = training_evidence(found, labels, groups, keys=keys, recordings=recordings, model=model)
     refit = clone(model).fit(recordings, labels, **groups_options(model, groups))
     posteriors = refit.predict_proba(recordings) - model.predict_proba(recordings)
     rows = [*_files(stated["files"], again["files"]), *_figures(stated, again)]

@@ -146,11 +146,7 @@ def test_a_failed_file_is_status_3_and_the_table_is_complete(here, capsys):
 @pytest.mark.parametrize(
     ("arguments", "paths", "message"),
     [
-        (
-            ["--fail-on", "old"],
-            ["files"],
-            "--fail-on names 'old'; the decisions are ['ok', ",
-        ),
+        (["--fail-on", "old"], ["files"], "--fail-on names 'old'; the decisions are ['ok', "),
         (["--out", "table.xlsx"], ["files"], "must end with one of .csv, .jsonl"),
         (["--priors", "ok"], ["files"], "--priors must be 'uniform' or as in"),
         (["--priors", "ok=0.5"], ["files"], "priors"),

@@ -19,12 +19,7 @@ from strokes_under_load import (
     run,
 )
 
-from emacm import (
-    OrderPSD,
-    OrderResampler,
-    Recording,
-    SignalBaseline,
-)
+from emacm import OrderPSD, OrderResampler, Recording, SignalBaseline
 from emacm.conditions.signal_baseline import GridSignals, mean_sections
 from emacm.orders.store import spectrum_key
 

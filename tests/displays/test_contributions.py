@@ -17,7 +17,7 @@ def bars(ax):
 
 def test_each_channel_has_bars_between_the_edges_of_its_bins():
     panels = axes(2)
-    ContributionsDisplay(NAMES, [2.0, -1.0, 0.5, 0.0], unit="nats").plot(ax=panels)
+    ContributionsDisplay(NAMES, [2.0, -1.0, 0.5, 0.0]).plot(ax=panels)
     assert bars(panels[0]) == [(3, 1, 2.0), (5, 2, -1.0)]
     assert bars(panels[1]) == [(3, 1, 0.5), (5, 2, 0.0)]
     assert panels[0].get_ylim() == panels[1].get_ylim()

@@ -33,11 +33,7 @@ from emacm.displays import (
     RemainingLifeDisplay,
     TrendDisplay,
 )
-from emacm.displays.drawing import (
-    COLOURS,
-    mark_orders,
-    tint,
-)
+from emacm.displays.drawing import COLOURS, mark_orders, tint
 from emacm.displays.drawn_values import predicted_lines
 from emacm.envelopes.kurtogram import Kurtogram
 

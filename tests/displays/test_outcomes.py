@@ -21,38 +21,22 @@ def test_false_alarms_wrong_faults_and_missed_detections_are_distinguished():
     frame = counted(
         truths, [HEALTHY, WORN, WORN, HEALTHY, SPALLED], classes=[SPALLED], ax=axes()
     ).frame()
-    assert frame.to_dict("records") == [
-        {
-            "correct": 40.0,
-            "inspection": 0.0,
-            "false alarm": 20.0,
-            "wrong fault": 20.0,
-            "missed detection": 20.0,
-            "n": 5.0,
-        }
-    ]
+    shares = {"correct": 40.0, "false alarm": 20.0, "wrong fault": 20.0, "missed detection": 20.0}
+    assert frame.to_dict("records") == [{"inspection": 0.0, **shares, "n": 5.0}]
 
 
 def test_a_decision_that_is_no_class_is_an_inspection_of_healthy_and_faulty_units():
     truths = [HEALTHY, HEALTHY, WORN, WORN, WORN]
     chosen = ["inspect", HEALTHY, "ask", "inspect", HEALTHY]
     counts = counted(truths, chosen, ax=axes()).counts
-    assert counts.loc["all recordings"].to_dict() == {
-        "correct": 1,
-        "inspection": 3,
-        "false alarm": 0,
-        "wrong fault": 0,
-        "missed detection": 1,
-    }
+    none = {"false alarm": 0, "wrong fault": 0}
+    expected = {"correct": 1, "inspection": 3, "missed detection": 1}
+    assert counts.loc["all recordings"].to_dict() == none | expected
 
 
 def test_a_fault_that_is_called_healthy_is_missed_even_without_healthy_units():
     counts = counted([WORN, WORN, SPALLED], [HEALTHY, WORN, HEALTHY], ax=axes()).counts
     assert counts.loc["all recordings", ["correct", "missed detection"]].tolist() == [1, 2]
-
-
-SUB_STATES = [HEALTHY, "worn1", "worn2", "spalled1", "worn1"]
-FAMILIES = {HEALTHY: HEALTHY, WORN: ["worn1", "worn2"], SPALLED: ["spalled1"]}
 
 
 def test_bars_are_the_shares_of_each_condition_in_per_cent():

@@ -11,12 +11,7 @@ from sklearn.metrics import log_loss
 from emacm import CostSensitiveGaussianBayes
 from emacm.evaluation.bootstrap import GroupBootstrap
 from emacm.evaluation.evaluate import evaluate
-from emacm.evaluation.figures import (
-    log_losses,
-    most_probable,
-    reliability,
-    tallies,
-)
+from emacm.evaluation.figures import log_losses, most_probable, reliability, tallies
 from emacm.evaluation.scoring import scoring_rule
 
 

@@ -39,10 +39,7 @@ def test_the_rate_holds_in_95_of_100_fleets_and_is_not_half_of_what_was_asked(
     true_rates = []
     for seed in range(100):
         limit = miss_rate_limit(
-            model,
-            *fleet(240, n_runs, 10 + seed, between, within),
-            rate=0.1,
-            healthy="healthy",
+            model, *fleet(240, n_runs, 10 + seed, between, within), rate=0.1, healthy="healthy"
         )
         true_rates.append(np.mean(log_odds <= -np.log(limit.factor)))
     assert np.mean(log_odds <= 0) > 0.14  # without the limit, more than the rate is missed

@@ -166,11 +166,7 @@ def test_with_true_classes_their_means_are_the_baselines():
     assert whole["contribution"].is_monotonic_decreasing
     found = [
         explain_decision(
-            model,
-            X.iloc[[row]],
-            decision=y[row],
-            against=y[other][0],
-            background=X[other],
+            model, X.iloc[[row]], decision=y[row], against=y[other][0], background=X[other]
         )
         .set_index("column")["contribution"]
         .abs()

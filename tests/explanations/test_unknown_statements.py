@@ -93,20 +93,11 @@ def low_pass(signals):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (
-            {"gain": dict.fromkeys(FIRST, 1000)},
-            "orders 0 to 12 of .* up to 60 dB above the",
-        ),
-        (
-            {"gain": dict.fromkeys(FIRST, 0.2)},
-            "orders 0 to 12 of .* up to 1[45] dB below",
-        ),
+        ({"gain": dict.fromkeys(FIRST, 1000)}, "orders 0 to 12 of .* up to 60 dB above the"),
+        ({"gain": dict.fromkeys(FIRST, 0.2)}, "orders 0 to 12 of .* up to 1[45] dB below"),
         ({"gain": {"current": 3.0}}, "orders 0 to 12 of 'current' up to 9.* dB above the"),
         ({"noise": 2.0}, "^orders 0 to 7 of 'current' up to 5.9 dB above the training"),
-        (
-            {"change": low_pass},
-            "^orders 9 to 12 of 'vibration' up to 1.* dB below the",
-        ),
+        ({"change": low_pass}, "^orders 9 to 12 of 'vibration' up to 1.* dB below the"),
     ],
 )
 def test_what_is_wrong_with_the_measurement_is_stated_first(model, options, words):

@@ -399,6 +399,5 @@ def test_an_unknown_state_is_explained_in_the_row():
     np.testing.assert_allclose(table[["P(healthy)", "P(worn)"]], model.predict_proba([X[0], new]))
     assert table.loc[0, "outside_training"] == ""
     assert re.search(
-        r"orders 7 to 7.5 of 'vib' .* above the training maximum",
-        table.loc[1, "outside_training"],
+        r"orders 7 to 7.5 of 'vib' .* above the training maximum", table.loc[1, "outside_training"]
     )
