@@ -167,8 +167,7 @@ def direction_statements(forward: float, known: Range) -> list[Statement]:
     kept = usual.removeprefix("in ")
     text = (
         f"{100 * new:.0f} % of the revolutions are {way}, in the training only {usual}: check the "
-        f"sign of the shaft reference, keep one direction by OrderResampler(direction={kept!r}), "
-        f"or train on both directions"
+        f"sign of the shaft reference, set direction={kept!r} of OrderResampler, or train on both"
     )
     return [Statement("direction", "", text, True, new, least)]
 

@@ -94,10 +94,9 @@ class LineLevels:
         self._width = 2 * round(background / self._step) + 1
         if self._width < 5:  # lines of background, which a median needs
             raise ValueError(
-                f"the spectra have a line every {self._step:g} orders, so that a background of "
-                f"{background:g} orders on either side holds fewer than 5 lines. Use "
-                f"OrderPSD(revolutions={np.ceil(5 / background):.0f}) or more, or a larger "
-                f"background."
+                f"a background of {background:g} orders on either side holds fewer than 5 lines of "
+                f"the spectra, which are {self._step:g} orders apart. Use a larger background, or "
+                f"OrderPSD(revolutions={np.ceil(5 / background):.0f}) or more."
             )
         self._places = [self._grid(fault) for fault in self.series]
         self._of_shaft = _from_whole(self.orders) < 1.5 * self._step
@@ -114,9 +113,8 @@ class LineLevels:
         places = nearest_lines(np.outer(1 + slips, lines), self.orders)
         if places.min() < 1 or not resolved([fault], self.orders):
             raise ValueError(
-                f"the first line of {fault.name!r} is at order {lines[0]:.4g}, but the spectra "
-                f"have a line every {self._step:.4g} orders from {self.orders[0]:.4g} on. Raise "
-                f"revolutions of OrderPSD."
+                f"the first line of {fault.name!r} is at order {lines[0]:.4g}; the spectra resolve "
+                f"orders from {resolution(self.orders):.4g} on. Raise revolutions of OrderPSD."
             )
         if places.max() > len(self.orders) - 2:
             raise ValueError(

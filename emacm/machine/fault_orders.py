@@ -162,9 +162,8 @@ def order_bands(
     for (last, below), (name, band) in pairwise(bands.items()):
         if on_overlap == "raise" and below[1] > band[0]:
             raise ValueError(
-                f"the bands of {last!r} {below} and {name!r} {band} overlap, and no power spectrum "
-                f"can separate them. Reduce slip or min_width, leave one out, or set on_overlap to "
-                f'"keep".'
+                f"the bands of {last!r} {below} and {name!r} {band} overlap: no spectrum separates "
+                f"them. Reduce slip or min_width, leave one out, or set on_overlap='keep'."
             )
     return bands
 

@@ -201,9 +201,8 @@ def find_faults(
         )
     if false_alarm < len(series) / 2001:  # p-values are at least 1/2001
         raise ValueError(
-            f"false_alarm = {false_alarm:g} is below {len(series) / 2001:.2g}, the smallest that "
-            f"2000 simulated backgrounds resolve for {len(series)} faults. Raise it, or leave "
-            f"parts out."
+            f"false_alarm = {false_alarm:g} is below {len(series) / 2001:.2g}, the least that 2000 "
+            f"simulated backgrounds resolve for {len(series)} faults. Raise it, or leave parts out."
         )
     options: dict[str, Any] = {"harmonics": harmonics, "slip": slip, "channels": channels}
     by_channel = healthy

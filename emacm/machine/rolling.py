@@ -217,8 +217,7 @@ def _check_fit(part: Bearing | BallScrew, n_balls: float, lead_angle: float = 0.
     if n_balls * half_angle > pi * (1 + 1e-9):  # more than the whole circle
         raise ValueError(
             f"{n_balls:g} balls of diameter {part.ball_diameter:g} do not fit on a pitch circle of "
-            f"diameter {part.pitch_diameter:g}. Give the number in one row or turn, and all "
-            f"lengths in the same unit."
+            f"diameter {part.pitch_diameter:g}. Give those of one row or turn, in one unit."
         )
 
 

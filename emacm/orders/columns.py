@@ -454,10 +454,9 @@ class OrderTableTransformer(NamedColumns):
             return False  # scikit-learn reports other mismatches
         if tuple(names) == tuple(seen):
             return True
+        came = f"{len(names)} columns {names[0]!r} to {names[-1]!r}"
         if set(names) == set(seen):
             came = "these columns in another order"
-        else:
-            came = f"{len(names)} columns {names[0]!r} to {names[-1]!r}"
         raise ValueError(
             f"X has another order axis than the one {type(self).__name__} was fitted on: expected "
             f"{len(seen)} columns {seen[0]!r} to {seen[-1]!r}, got {came}. Use the same theta_s, "

@@ -188,9 +188,7 @@ class OrderPSD(WelchEstimator):
         self.order_step_ = self.plan_.order_step
         self._columns_out = self._column_names()
         self._names_in = getattr(self, "feature_names_in_", None)
-        self._n_in = (
-            len(self.channels_) if self._over_angle else getattr(self, "n_features_in_", None)
-        )
+        self._n_in = len(self.channels_) if self._over_angle else vars(self).get("n_features_in_")
         return self
 
     def transform(self, X: Any) -> NDArray[np.floating]:

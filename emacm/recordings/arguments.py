@@ -53,8 +53,7 @@ def _refuse_other_columns(columns: Mapping[Any, pd.Series]) -> None:
             continue
         raise ValueError(
             f"column {name!r} of signals is named like {is_what}, not like a channel. Pass "
-            f"frame.drop(columns=[{name!r}]){remedy}; if it is a channel, pass a mapping: "
-            f"dict(frame)."
+            f"frame.drop(columns=[{name!r}]){remedy}; if it is a channel, pass dict(frame)."
         )
 
 

@@ -121,11 +121,11 @@ class AngleRecording:
         DataFrame
             Indexed by the number of the stroke and the shaft angle [rad].
         """
-        tables = [
-            pd.DataFrame(stroke.signals.T, stroke.angles, list(self.channels))
-            for stroke in self.strokes
-        ]
-        return pd.concat(dict(enumerate(tables)), names=["stroke", "angle"])
+        tables = {
+            number: pd.DataFrame(stroke.signals.T, stroke.angles, list(self.channels))
+            for number, stroke in enumerate(self.strokes)
+        }
+        return pd.concat(tables, names=["stroke", "angle"])
 
 
 @dataclass(frozen=True)

@@ -299,8 +299,7 @@ class ShaftPath:
         if count > 1 << 31:  # more than memory holds
             raise ValueError(
                 f"theta_s = {theta_s:g} rad would make {count:.3g} samples of a stroke of "
-                f"{self.length / (2 * np.pi):.3g} revolutions. It is the angle between samples, "
-                f"such as 2 * np.pi / 128."
+                f"{self.length / (2 * np.pi):.3g} revolutions. Set it to 2 * np.pi / 128, say."
             )
         return int(count) + 1
 

@@ -246,10 +246,9 @@ def _speed_by_parts(parts: Any, signal: Array, fs: float, limits: tuple[float, f
     if parts is None:
         likely = 2 * np.pi * find_comb(signal, fs, limits).speed
         raise ValueError(
-            f"{refusal} in a range wider than 1.5 to 1, the lines of a bearing or "
-            f"a gear may be taken for those of a shaft. Lines at 1 to 6 times "
-            f"{likely:.5g} rad/s stand out most. Narrow speeds to what the machine can do, or give "
-            f"its bearings and gears as parts."
+            f"{refusal} in a range wider than 1.5 to 1, the lines of a bearing or a gear may be "
+            f"taken for those of a shaft. Lines at 1 to 6 times {likely:.5g} rad/s stand out most. "
+            f"Narrow speeds, or give the bearings and gears of the machine as parts."
         )
     comb = find_shaft(signal, fs, limits, _families(parts))
     # At a margin of 3 dB, no speed was wrong on 150 simulated bearings, the drive end of CWRU and

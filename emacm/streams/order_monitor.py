@@ -413,8 +413,7 @@ class OrderMonitor:
         if stated != own:
             raise ValueError(
                 f"the state belongs to another model, or to other options: {stated}; this monitor "
-                f"has {own}. Take the model and the options with which it was written, or begin "
-                f"another recording without it."
+                f"has {own}. Take the model and options it was written with, or begin anew."
             )
         self._begin(tree["reference"], tree["origin"])
         for name in _PARTS:
@@ -506,9 +505,8 @@ class OrderMonitor:
             return start
         if abs(start - self.time) > 1 / min(self._settings.rates):
             raise ValueError(
-                f"the stream goes on at {self.time:.9g} s, and these samples begin at "
-                f"{start:.9g} s. Call flush() for the reading up to the gap (or overlap); the next "
-                f"push then begins another recording."
+                f"the stream goes on at {self.time:.9g} s, but the block begins at {start:.9g} s. "
+                f"Call flush() for the reading up to the gap (or overlap), and push them again."
             )
         return self._origin
 

@@ -283,10 +283,9 @@ class GearIndicators(_RevolutionFeatures):
                 "angle reference",
                 f"recording {rows[0]}: {channel}: the phase of the mesh is modulated once per "
                 f"revolution by {modulation[rows[0], gears[0]]:.2g} rad (so in {len(set(rows))} of "
-                f"{len(table)} recordings; accepted is 0.2). The angle reference has an "
-                f"error of this over the teeth, or the gear is eccentric by half of this times its "
-                f"module. FM4, M6A and NA4 are unreliable: they miss small faults. Correct the "
-                f"reference, or use NB4.",
+                f"{len(table)} recordings; accepted is 0.2). The angle reference has an error of "
+                f"this over the teeth, or the gear is eccentric by half of this times its module. "
+                f"FM4, M6A and NA4 miss small faults then: correct the reference, or use NB4.",
                 stacklevel=4,
             )
         moments[:, :, 4:6] /= _positive(self.ensemble_) ** 2

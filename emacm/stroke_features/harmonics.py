@@ -256,9 +256,8 @@ def harmonic_coefficients(
     solution, _, rank, _ = np.linalg.lstsq(model, target, rcond=1e-9)
     if rank < len(solution):
         raise ValueError(
-            f"{n_samples} samples over {turned:.4g} revolutions do not separate the "
-            f"orders {chosen.tolist()} from each other and from a trend. Use longer sections or "
-            f"fewer orders."
+            f"{n_samples} samples over {turned:.4g} revolutions do not separate the orders "
+            f"{chosen.tolist()} from one another and a trend. Use longer sections or fewer orders."
         )
     return np.asarray(solution, dtype=np.float64).reshape(2, -1)
 

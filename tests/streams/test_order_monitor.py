@@ -366,7 +366,7 @@ def test_invalid_samples_are_refused_with_their_time_and_nothing_is_taken(fitted
     fast[7] = -900.0
     with pytest.raises(ValueError, match=r"900 rad/s at 3\.553500 s, above max_speed = .*Raise"):
         monitor.push(block(), velocity=fast)
-    with pytest.raises(ValueError, match=r"goes on at 3\.55 s, .* begin at 3\.8 s.*flush"):
+    with pytest.raises(ValueError, match=r"goes on at 3\.55 s, .* begins at 3\.8 s.*flush"):
         monitor.push(block(), velocity=np.full(100, 20.0), time=3.8)
     with pytest.raises(ValueError, match="began with velocity, got angle"):
         monitor.push(block(), angle=np.arange(100.0))
