@@ -157,31 +157,6 @@ def with_new_line(seed, amplitude=1.0):
     return run(seed, change=lambda s: s | {"current": s["current"] + amplitude * wave})
 
 
-NEW_LINE = (
-    r"line at order 6\.[25]5? of 'current', \d+ dB above the background and \d+ dB above the "
-    "training maximum"
-)
-
-
-def test_a_new_line_beside_a_strong_one_is_stated_by_all_kinds_of_models():
-    X, y = [run(seed, worn=seed % 2 == 1) for seed in range(8)], ["healthy", "worn"] * 4
-    bins = make_pipeline(
-        OrderResampler(2 * np.pi / 32), OrderPSD(4), BinTransformer(edges=[0, 6, 8, 12])
-    )
-    tree = DecisionTreeClassifier(random_state=0)
-    models = [
-        make_pipeline(bins, tree).fit(X, y),
-        GridSearchCV(make_pipeline(bins, tree), {}, cv=2).fit(X, y),
-        LeastRiskClassifier(make_pipeline(bins, tree)).fit(X, y),
-        ConditionRouter(make_pipeline(bins, tree), "load").fit(X, y),
-        make_pipeline(FeatureUnion([("bins", bins)]), tree).fit(X, y),
-    ]
-    for model in models:
-        assert re.fullmatch(NEW_LINE, about(with_new_line(9), model))
-        assert about(run(9), model) == ""
-        assert re.fullmatch(NEW_LINE, score(model, [with_new_line(9)])["outside_training"][0])
-
-
 def test_beside_another_gain_no_lines_are_stated():
     model, _ = fitted()
     bad = with_new_line(9)
