@@ -70,6 +70,7 @@ def draw_features(chapter: Chapter) -> None:
     ax.bar(range(1, 21), shares, color=PLAIN, label="each component")
     ax.plot(range(1, 21), shares.cumsum(), "s--", color=COLOURS[1], label="cumulative sum")
     label_axes(ax, "principal component", "share of the variance [%]")
+    ax.set_xticks(range(1, 21))
     legend_above(ax)
     share = pca.explained_variance_ratio_[:2].sum()
     caption = f"Explained variance, and cumulative sum: two have {share:.0%} (published 72 %)."
