@@ -71,7 +71,7 @@ def _restored_value(value: Any, state: Any) -> Any:
 class SavedEstimator(BaseEstimator):
     """Base class of the estimators: pickles contain the version of emacm.
 
-    Loading under another version gives a UserWarning, as scikit-learn's
+    Loading under another version gives an EmacmWarning, as scikit-learn's
     `InconsistentVersionWarning` does for its own estimators: results may differ.
     """
 
