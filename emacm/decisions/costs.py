@@ -47,10 +47,12 @@ def cost_table(
         Label of the unknown state, one more decision and true state; None: there is none. What
         `cost` does not state of it: if the true state is unknown, deciding a class, or any decision
         that is the cheapest for some class, costs 1, and any other ("inspect") its largest cost
-        for a class. Deciding "unknown" costs under each true state what "inspect" costs there,
-        because an unknown state has to be looked at (of several such decisions, the one that costs
-        least if the true state is unknown, and less than any class). Without such a decision it
-        costs 0 if it is true and 1 otherwise.
+        for a class, above that of the right decision. Deciding "unknown" costs under each true
+        state what "inspect" costs there, because an unknown state has to be looked at (of several
+        such decisions, the one that costs least if the true state is unknown, and less than any
+        class). Without such a decision it
+        costs 0 if it is true and otherwise 1 more than the right decision, so that a constant for
+        one true class changes no decision.
 
     Returns
     -------
@@ -66,7 +68,7 @@ def cost_table(
     ValueError
         If the shape is wrong, a class is unknown, missing or named twice, a cost is not
         finite, a decision that is not a class lacks the cost of a class, or costs of the unknown
-        state are not stated although all others are above 1.
+        state are not stated although 1 is not among the costs of wrong decisions.
     TypeError
         If a cost is text, complex or a bool, or a key of a mapping is not a pair.
 
@@ -98,18 +100,24 @@ def cost_table(
         matrix[i, k] = check_number(stated.get((decision, truth), float(decision != truth)), name)
     if unknown is not None:
         others = np.array([row != unknown for row in rows])
-        of_classes = matrix[others, :-1]
-        least = of_classes[of_classes > 0].min(initial=np.inf)
-        if 1 < least < np.inf and not any(unknown in pair for pair in stated):
+        least = matrix[others, :-1].min(axis=0)  # of the right decisions
+        names_states = (matrix[:, :-1] == least).any(axis=1)
+        names_states |= [decision in truths for decision in rows]
+        wrong = (matrix[:, :-1] - least)[others & names_states]
+        wrong = wrong[wrong > 0]
+        is_stated = any(unknown in pair for pair in stated)
+        if len(wrong) and not is_stated and not wrong.min() <= 1 <= wrong.max():
             raise ValueError(
                 f"cost must state a row and a column of the unknown state {unknown!r}: their "
-                f"default 1 is below all other costs, of which the smallest is {least:g}."
+                f"default 1 is not among the costs of wrong decisions, {wrong.min():g} to "
+                f"{wrong.max():g}."
             )
-        names_states = (matrix[:, :-1] == of_classes.min(axis=0)).any(axis=1)
-        names_states |= [decision in truths for decision in rows]
         for row, decision in enumerate(rows):
             if decision not in truths and (decision, unknown) not in stated:
-                matrix[row, -1] = 1.0 if names_states[row] else matrix[row, :-1].max()
+                matrix[row, -1] = 1.0 if names_states[row] else (matrix[row, :-1] - least).max()
+        for k, truth in enumerate(known):
+            if (unknown, truth) not in stated:
+                matrix[rows.index(unknown), k] += least[k]
         cheapest = np.lexsort((~names_states, matrix[:, -1], ~others))[0]  # a class, if as cheap
         if not names_states[cheapest]:  # an inspection
             is_default = [(unknown, truth) not in stated for truth in truths]

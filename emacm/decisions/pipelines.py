@@ -6,9 +6,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from sklearn import get_config
 from sklearn.base import BaseEstimator
+from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import Pipeline
 from sklearn.utils import metadata_routing
 from sklearn.utils.validation import has_fit_parameter
@@ -240,3 +242,45 @@ def fitted_resamplers(model: Any) -> list[OrderResampler]:
     """Return the fitted resamplers of a model."""
     parts = [part for part in parts_of(model) if isinstance(part, OrderResampler)]
     return [part for part in parts if hasattr(part, "channels_")]
+
+
+def parts_with_input(model: Any, X: Any, kinds: Any) -> Iterator[tuple[Any, Any]]:
+    """Yield the fitted parts of a model that are of some kinds, with their input.
+
+    Parameters
+    ----------
+    model : estimator
+        Fitted.
+    X : list of Recording
+        Of one condition, if the model has several.
+    kinds : type or tuple of types
+        A pipeline is followed up to the first step that contains one of them.
+    """
+    model = search_estimator(model)
+    if isinstance(model, kinds):
+        yield model, X
+    elif hasattr(model, "models_of"):  # a router
+        yield from parts_with_input(model.models_of(X)[0], X, kinds)
+    elif not isinstance(model, Pipeline):
+        for part, own in _members(model, X):
+            yield from parts_with_input(part, own, kinds)
+    elif any(isinstance(part, kinds) for part in parts_of(model)):
+        for _, step in model.steps:
+            found = list(parts_with_input(step, X, kinds))
+            yield from found
+            if found:
+                return
+            X = step.transform(X) if hasattr(step, "transform") else X
+
+
+def _members(model: Any, X: Any) -> Iterator[tuple[Any, Any]]:
+    """Yield the fitted estimators that a model is made of, with their input."""
+    if isinstance(model, ColumnTransformer):
+        for _, part, columns in model.transformers_:
+            if hasattr(part, "fit"):
+                yield part, X[columns] if isinstance(X, pd.DataFrame) else X[:, columns]
+        return
+    parts = [step for _, step in getattr(model, "transformer_list", ())]
+    parts += [*getattr(model, "estimators_", ()), getattr(model, "estimator_", None)]
+    parts += [inner.estimator for inner in getattr(model, "calibrated_classifiers_", ())]
+    yield from ((part, X) for part in parts if hasattr(part, "fit"))

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import logsumexp
 from sklearn.utils.metaestimators import available_if
-from sklearn.utils.validation import column_or_1d
 
 from emacm.decisions.costs import cost_table
 from emacm.decisions.metrics import fraction_correct
@@ -211,7 +210,7 @@ class LeastRiskMixin:
         decided = self.predict(X)
         decisions, cost = self._cost_table()
         table = decisions, self.truths_, cost
-        return fraction_correct(column_or_1d(y), decided, table, sample_weight)
+        return fraction_correct(y, decided, table, sample_weight)
 
     def _cost_table(self) -> tuple[NDArray[Any], Array]:
         return cost_table(self.cost, self.classes_, self.unknown)
@@ -274,7 +273,7 @@ class CombinedRiskMixin(LeastRiskMixin):
     @property
     def _unknown_default(self) -> float:
         finals = map(final_estimator, self._inside.values())
-        return max((getattr(final, "unknown_prior_", 0.0) for final in finals), default=0.0)
+        return max((getattr(final, "unknown_prior_", None) or 0.0 for final in finals), default=0.0)
 
     def _agreed(self, name: str) -> Any:
         """Return a property of the classifiers inside, which must be the same for all."""

@@ -111,10 +111,10 @@ class LineLevels:
         n_steps = int(np.ceil(reach * min(lines[-1], top) / self._step))
         slips = np.linspace(-reach, reach, 2 * n_steps + 1)
         places = nearest_lines(np.outer(1 + slips, lines), self.orders)
-        if places.min() < 1 or not resolved([fault], self.orders):
+        if places.min() < 2:  # the skirt of order 0; to be named, a line must be `resolved`
             raise ValueError(
-                f"the first line of {fault.name!r} is at order {lines[0]:.4g}; the spectra resolve "
-                f"orders from {resolution(self.orders):.4g} on. Raise revolutions of OrderPSD."
+                f"the first line of {fault.name!r} is at order {lines[0]:.4g}; the spectra have a "
+                f"line every {self._step:.4g} orders. Raise revolutions of OrderPSD."
             )
         if places.max() > len(self.orders) - 2:
             raise ValueError(

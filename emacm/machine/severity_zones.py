@@ -108,11 +108,17 @@ def severity_zone(velocity: ArrayLike, machine_class: str) -> Any:
     return str(zones) if zones.ndim == 0 else zones
 
 
-def vibration_velocity(acceleration: ArrayLike, fs: float, *, unit: str = "m/s2") -> float:
-    """Return the broad-band velocity of an acceleration, integrated from 10 to 1000 Hz.
+def vibration_velocity(
+    acceleration: ArrayLike,
+    fs: float,
+    *,
+    unit: str = "m/s2",
+    band: tuple[float, float] = (10.0, 1000.0),
+) -> float:
+    """Return the broad-band velocity of an acceleration, integrated over frequency.
 
     The power spectral density of the acceleration, by Welch's method, is divided by (2 pi f)**2
-    and integrated over this band. Integration over time would amplify drift and offset.
+    and integrated over the band. Integration over time would amplify drift and offset.
 
     Parameters
     ----------
@@ -122,6 +128,8 @@ def vibration_velocity(acceleration: ArrayLike, fs: float, *, unit: str = "m/s2"
         Sampling rate [Hz].
     unit : {"m/s2", "g", "mm/s2"}
         Unit of the acceleration.
+    band : (float, float)
+        Lowest and highest frequency [Hz].
 
     Returns
     -------
@@ -131,8 +139,8 @@ def vibration_velocity(acceleration: ArrayLike, fs: float, *, unit: str = "m/s2"
     Raises
     ------
     TypeError, ValueError
-        If the signal is not finite, shorter than 1 s (ten periods of 10 Hz), or sampled below
-        2000 Hz.
+        If the signal is not finite or shorter than ten periods of the lowest frequency, or the
+        band exceeds half the sampling rate.
 
     See Also
     --------
@@ -147,16 +155,19 @@ def vibration_velocity(acceleration: ArrayLike, fs: float, *, unit: str = "m/s2"
     7.03
     """
     signal = check_signal(acceleration, "acceleration").astype(np.float64)
-    fs = check_number(fs, "fs, twice the highest frequency,", at_least=2000, unit="Hz")
+    fs = check_number(fs, "fs", above=0, unit="Hz")
     check_choice(unit, "unit", tuple(_TO_MM_PER_S2))
-    if len(signal) < fs:
+    low = check_number(band[0], "the lowest frequency of band", above=0, unit="Hz")
+    name = "the highest frequency of band, at most half the sampling rate,"
+    high = check_number(band[1], name, above=low, at_most=fs / 2, unit="Hz")
+    if len(signal) < 10 / low * fs:
         raise ValueError(
-            f"acceleration must last at least 1 s, ten periods of 10 Hz, got {len(signal) / fs:g} "
-            f"s. Record longer."
+            f"acceleration must last at least {10 / low:g} s, ten periods of {low:g} Hz, got "
+            f"{len(signal) / fs:g} s. Record longer."
         )
     n_segment = min(len(signal), round(4 * fs))  # so that lines are 1/4 Hz apart
     frequencies, density = welch(signal, fs, nperseg=n_segment, detrend="constant")
-    inside = (frequencies >= 10) & (frequencies <= 1000)
+    inside = (frequencies >= low) & (frequencies <= high)
     power = np.sum(density[inside] / (2 * np.pi * frequencies[inside]) ** 2) * frequencies[1]
     return float(_TO_MM_PER_S2[unit] * np.sqrt(power))
 

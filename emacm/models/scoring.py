@@ -6,7 +6,7 @@ With each decision, what is unusual about its recording: `outside_training` and 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import chain
@@ -16,8 +16,6 @@ import numpy as np
 import pandas as pd
 from joblib import effective_n_jobs
 from numpy.typing import NDArray
-from sklearn.compose import ColumnTransformer
-from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._statements import Statement
@@ -27,7 +25,7 @@ from emacm.decisions.pipelines import (
     check_unknown_states,
     final_estimator,
     fitted_resamplers,
-    parts_of,
+    parts_with_input,
     search_estimator,
 )
 from emacm.decisions.risks import LeastRiskMixin, risks_of
@@ -344,7 +342,7 @@ def _findings(model: Any, recordings: list[Recording]) -> list[Row]:
     outside = outside_training(model, recordings)
     return [
         {
-            "warnings": joined(measured_quality(resamplers[0], recording).defects),
+            "warnings": joined(defects_of(resamplers, recording)),
             "outside_training": joined(statements),
         }
         for recording, statements in zip(recordings, outside, strict=True)
@@ -360,6 +358,12 @@ def measured_quality(resampler: OrderResampler, recording: Recording) -> Quality
     """Return the quality of a recording for a fitted resampler, of the channels that it has."""
     known = [name for name in resampler.channels_ if name in recording.channels]
     return recording_quality(resampler.over_angle(recording, known or recording.channels))
+
+
+def defects_of(resamplers: Sequence[OrderResampler], recording: Recording) -> list[Statement]:
+    """Return the defects of a recording in the channels of all resamplers of a model."""
+    found = (measured_quality(resampler, recording).defects for resampler in resamplers)
+    return list(dict.fromkeys(chain.from_iterable(found)))
 
 
 def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[Statement]]:
@@ -430,45 +434,3 @@ def _outside_training(model: Any, recording: Any) -> list[Statement]:
             bins = parts_with_input(model, [recording], BinTransformer)
             found = [line for part, X in bins for line in part.new_lines(X)[0]]
     return list(dict.fromkeys(found))
-
-
-def parts_with_input(model: Any, X: Any, kinds: Any) -> Iterator[tuple[Any, Any]]:
-    """Yield the fitted parts of a model that are of some kinds, with their input.
-
-    Parameters
-    ----------
-    model : estimator
-        Fitted.
-    X : list of Recording
-        Of one condition, if the model has several.
-    kinds : type or tuple of types
-        A pipeline is followed up to the first step that contains one of them.
-    """
-    model = search_estimator(model)
-    if isinstance(model, kinds):
-        yield model, X
-    elif isinstance(model, ConditionRouter):
-        yield from parts_with_input(model.models_of(X)[0], X, kinds)
-    elif not isinstance(model, Pipeline):
-        for part, own in _members(model, X):
-            yield from parts_with_input(part, own, kinds)
-    elif any(isinstance(part, kinds) for part in parts_of(model)):
-        for _, step in model.steps:
-            found = list(parts_with_input(step, X, kinds))
-            yield from found
-            if found:
-                return
-            X = step.transform(X) if hasattr(step, "transform") else X
-
-
-def _members(model: Any, X: Any) -> Iterator[tuple[Any, Any]]:
-    """Yield the fitted estimators that a model is made of, with their input."""
-    if isinstance(model, ColumnTransformer):
-        for _, part, columns in model.transformers_:
-            if hasattr(part, "fit"):
-                yield part, X[columns] if isinstance(X, pd.DataFrame) else X[:, columns]
-        return
-    parts = [step for _, step in getattr(model, "transformer_list", ())]
-    parts += [*getattr(model, "estimators_", ()), getattr(model, "estimator_", None)]
-    parts += [inner.estimator for inner in getattr(model, "calibrated_classifiers_", ())]
-    yield from ((part, X) for part in parts if hasattr(part, "fit"))

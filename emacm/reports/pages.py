@@ -14,7 +14,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm.conditions.router import ConditionRouter
-from emacm.decisions.pipelines import fitted_resamplers, parts_of, search_estimator
+from emacm.decisions.pipelines import (
+    fitted_resamplers,
+    parts_of,
+    parts_with_input,
+    search_estimator,
+)
 from emacm.decisions.risks import LeastRiskMixin
 from emacm.displays.drawn_values import envelopes_of
 from emacm.explanations.deviations import class_deviations, second_state_statement
@@ -248,7 +253,7 @@ def _add_decision(page: Page, settings: Settings, recording: Recording) -> Any:
     if page.kind in ("healthy", "fault") and probability < max(posterior[others], default=0.0):
         text = "It was decided because the costs of the other decisions are higher."
         page.sentences.append(text)
-    if getattr(classifier, "temperature", None) is None:
+    if all(getattr(part, "temperature", None) is None for part in parts_of(classifier)):
         page.sentences.append(
             "The probabilities were not calibrated on left-out recordings: they are usually too "
             "close to certainty."
@@ -296,19 +301,18 @@ def _add_warnings(page: Page, model: Any, recording: Recording) -> None:
     own = search_estimator(model)
     if isinstance(own, ConditionRouter):
         own = own.models_of([recording])[0]
-    for resampler in fitted_resamplers(own)[:1]:
+    resamplers = fitted_resamplers(own)
+    defects, unusual = scoring.defects_of(resamplers, recording), list[str]()
+    for resampler in resamplers:
         quality = scoring.measured_quality(resampler, recording)
-        unusual = resampler.training_range_.unusual(quality)
-        page.first = [defect.text for defect in unusual]
-        page.notes += [
-            f"As in the training: {defect.text}."
-            for defect in quality.defects
-            if defect not in unusual
-        ]
-        if not quality.defects:
-            page.normal.append(
-                "channels without clipping, overflow, drop-outs, offsets or constant values"
-            )
+        unusual += [defect.text for defect in resampler.training_range_.unusual(quality)]
+    page.first = list(dict.fromkeys(unusual))
+    usual = (defect.text for defect in defects if defect.text not in unusual)
+    page.notes += [f"As in the training: {text}." for text in usual]
+    if resamplers and not defects:
+        page.normal.append(
+            "channels without clipping, overflow, drop-outs, offsets or constant values"
+        )
     page.doubtful = bool(page.first)
     with suppress(TypeError):  # the model does not know the range of its training
         statements = scoring.outside_training(model, [recording])[0]
@@ -362,7 +366,7 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, other: A
 
 def _order_spectra(model: Any, X: list[Any]) -> dict[str, tuple[Any, Any]]:
     """Return orders and power of each channel, as the first `OrderPSD` of a model computes them."""
-    for part, own in list(scoring.parts_with_input(model, X, OrderPSD))[:1]:
+    for part, own in list(parts_with_input(model, X, OrderPSD))[:1]:
         power = np.asarray(part.transform(own), dtype=np.float64)
         blocks = parse_order_columns(list(part.get_feature_names_out())) or ()
         return {block.channel: (block.orders, power[:, block.columns]) for block in blocks}

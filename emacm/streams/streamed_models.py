@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._saved import Resumable
 from emacm._statements import Statement
-from emacm.decisions.pipelines import search_estimator
+from emacm.decisions.pipelines import check_unknown_states, parts_with_input, search_estimator
 from emacm.explanations.deviations import second_state_statement
 from emacm.findings.quality import Quality
 from emacm.orders.bin_transformer import BinTransformer
@@ -145,6 +145,7 @@ class StreamedModel:
                 f"{type(model).__name__}."
             )
         check_is_fitted(model)
+        check_unknown_states(model)
         steps = _flattened(model)
         self.resampler, self.psd = [*steps, None, None][:2]
         for place, step, kind in (
@@ -183,25 +184,27 @@ class StreamedModel:
         """
         table: Any = self.psd.table_of([powers])
         lines: list[Statement] = []
-        for transformer in self._transformers:
-            if complete and isinstance(transformer, BinTransformer):
-                lines += transformer.new_lines(table)[0]
-            table = transformer.transform(table)
+        for step in [*self._transformers, *filter(None, [self.classifier])]:
+            if complete:
+                for part, own in parts_with_input(step, table, BinTransformer):
+                    lines += part.new_lines(own)[0]
+            if step is not self.classifier:
+                table = step.transform(table)
         known = self.resampler.training_range_
         outside = known.outside(quality, {})
         defects = known.unusual(quality) + [stated for stated in outside if stated.severe] + lines
-        decided = self._decided(table)
+        decided, beside = self._decided(table), list[Statement]()
         if second_states := getattr(self.classifier, "second_states", None):
             (second,) = second_states(table, [decided["decision"]])
             if second is not None:
                 text = second_state_statement(decided["decision"], second)
-                lines.append(Statement("second state", "", text))
+                beside = [Statement("second state", "", text)]
         return Reading(
             start,
             time,
             np.asarray(table)[0],
             **decided,
-            outside_training=tuple(outside or lines),
+            outside_training=(*(outside or lines), *beside),
             complete=complete,
             defects=tuple(defects) if complete else (),
             fastest=quality.row["fastest"],

@@ -244,7 +244,7 @@ def test_a_channel_that_harms_is_named(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("files").mkdir()
     angle = 2 * np.pi * 16 * np.arange(N) / FS
-    for unit in range(16):
+    for unit in range(24):
         gains = np.random.default_rng(unit).lognormal(sigma=2, size=15)  # of the unit
         for run in range(2):
             noise = np.random.default_rng(100 * unit + run).normal(size=(2, N))

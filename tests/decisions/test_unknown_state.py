@@ -167,12 +167,13 @@ def test_only_what_is_the_cheapest_for_some_class_is_wrong_of_the_unknown_state(
     assert table[:, -1].tolist() == [1, 1, 1, 4, 0.8, 0.8]
     assert table[-1].tolist() == table[-2].tolist()  # the cheaper one of two inspections
     table = cost_table(cost[:4], CLASSES, "new")[1]
-    assert table[-1].tolist() == [1, 1, 1, 0]  # none is cheaper than a wrong class
-    square = np.arange(9.0).reshape(3, 3)
+    # None is cheaper than a wrong class: 1 more than the right decision costs.
+    assert table[-1].tolist() == [1, 1.5, 1.1, 0]
+    square = np.arange(9.0).reshape(3, 3) / 3
     decisions, table = cost_table(square, CLASSES, "new")
     assert decisions.tolist() == [*CLASSES, "new"]
     np.testing.assert_array_equal(table[:3, :3], square)
-    np.testing.assert_array_equal(table[3], [1, 1, 1, 0])
+    np.testing.assert_allclose(table[3], [1, 4 / 3, 5 / 3, 0])
 
 
 def test_labels_of_truths_are_the_classes_and_then_the_unknown_state():
