@@ -68,7 +68,7 @@ def cost_table(
     ValueError
         If the shape is wrong, a class is unknown, missing or named twice, a cost is not
         finite, a decision that is not a class lacks the cost of a class, or costs of the unknown
-        state are not stated although 1 is not among the costs of wrong decisions.
+        state are not stated although 1 is not among those of other decisions.
     TypeError
         If a cost is text, complex or a bool, or a key of a mapping is not a pair.
 
@@ -103,13 +103,13 @@ def cost_table(
         least = matrix[others, :-1].min(axis=0)  # of the right decisions
         names_states = (matrix[:, :-1] == least).any(axis=1)
         names_states |= [decision in truths for decision in rows]
-        wrong = (matrix[:, :-1] - least)[others & names_states]
+        wrong = (matrix[:, :-1] - least)[others]
         wrong = wrong[wrong > 0]
         is_stated = any(unknown in pair for pair in stated)
         if len(wrong) and not is_stated and not wrong.min() <= 1 <= wrong.max():
             raise ValueError(
                 f"cost must state a row and a column of the unknown state {unknown!r}: their "
-                f"default 1 is not among the costs of wrong decisions, {wrong.min():g} to "
+                f"default 1 is not among the costs of other decisions, {wrong.min():g} to "
                 f"{wrong.max():g}."
             )
         for row, decision in enumerate(rows):

@@ -192,7 +192,7 @@ def test_costs_in_money_need_those_of_the_unknown_state():
     X, y = [[0.0], [0.4], [0.8], [5.0], [5.6], [6.0]], ["healthy"] * 3 + ["screw"] * 3
     cost = set_costs(y, {"screw": 200}, {"screw": 3000})
     model = CostSensitiveGaussianBayes(cost, covariance="tied", unknown="unknown")
-    with pytest.raises(ValueError, match="costs of wrong decisions, 200 to 2800"):
+    with pytest.raises(ValueError, match="costs of other decisions"):
         model.fit(X, y, groups=[0, 1, 2, 0, 1, 2]).predict(X)
     cost.loc["unknown"], cost["unknown"] = 1000, [5000, 5000, 0]
     model.set_params(cost=cost).fit(X, y, groups=[0, 1, 2, 0, 1, 2])
