@@ -110,7 +110,8 @@ class TextTable(NamedTuple):
         """
         names = [name or f"{_BLANK}{number}" for number, name in enumerate(self.names)]
         options |= {"sep": self.separator or r"\s+", "decimal": self.decimal}
-        options |= {"float_precision": "round_trip"}  # numbers as float() reads them
+        if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1):
+            options |= {"float_precision": "round_trip"}  # as later versions read numbers
         try:
             table = pd.read_csv(
                 source, header=None, names=names, index_col=False, low_memory=False, **options
