@@ -19,24 +19,7 @@ from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_predict
 from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
-from emacm import (
-    BinTransformer,
-    ConditionRouter,
-    CostSensitiveGaussianBayes,
-    LeastRiskClassifier,
-    NewUnitClassifier,
-    OrderMonitor,
-    OrderPSD,
-    OrderResampler,
-    PosteriorProduct,
-    Recording,
-    find_faults,
-    load_model,
-    maintenance_report,
-    outside_training,
-    save_model,
-    score,
-)
+import emacm
 from emacm.decisions.pipelines import parts_of
 from emacm.machine.rolling import bearing_of
 from emacm.simulation.example_files import simulate_pump
@@ -66,7 +49,7 @@ def run(seed, state="healthy", *, gain=1.0, noise=0.0, line=0.0, factor=1.0, uni
         vibration = noise * rng.standard_normal(N)
     signals = {"vibration": gain * vibration, "current": current}
     units, meta = {"vibration": unit, "current": "A"}, {"load": 20, "unit": seed}
-    return Recording(signals, FS, velocity=factor * velocity, units=units, meta=meta)
+    return emacm.Recording(signals, FS, velocity=factor * velocity, units=units, meta=meta)
 
 
 GROUPS = np.repeat(np.arange(10), 3)
@@ -80,19 +63,19 @@ TWO_FAULTS = [run(seed, "inner", second=0.1) for seed in (50, 51, 52)]
 
 def bayes(**options):
     given = {"covariance": "tied", "shrinkage": "auto", "unknown": "unknown", "unknown_rate": 0.02}
-    return CostSensitiveGaussianBayes(
+    return emacm.CostSensitiveGaussianBayes(
         **given | {"temperature": "groups", "cost": prices(0.5)} | options
     )
 
 
 def bins():
     log = FunctionTransformer(np.log10, feature_names_out="one-to-one")
-    return make_pipeline(BinTransformer(1, max_order=12), log)
+    return make_pipeline(emacm.BinTransformer(1, max_order=12), log)
 
 
 def features(*channels):
     return make_pipeline(
-        OrderResampler(2 * np.pi / 32, channels=channels or None), OrderPSD(4), bins()
+        emacm.OrderResampler(2 * np.pi / 32, channels=channels or None), emacm.OrderPSD(4), bins()
     )
 
 
@@ -102,7 +85,7 @@ def pipeline(**options):
 
 def by_columns():
     selected = [(name, bins(), make_column_selector(name)) for name in ("vibration", "current")]
-    spectra = make_pipeline(OrderResampler(2 * np.pi / 32), OrderPSD(4)).set_output(
+    spectra = make_pipeline(emacm.OrderResampler(2 * np.pi / 32), emacm.OrderPSD(4)).set_output(
         transform="pandas"
     )
     return make_pipeline(spectra, ColumnTransformer(selected), bayes())
@@ -114,7 +97,7 @@ def by_channel(make):
 
 def calibrated(**options):
     inner = pipeline(cost=None, temperature=None, **options)
-    return LeastRiskClassifier(CalibratedClassifierCV(inner, cv=3), prices(0.5))
+    return emacm.LeastRiskClassifier(CalibratedClassifierCV(inner, cv=3), prices(0.5))
 
 
 MODELS = {
@@ -123,13 +106,13 @@ MODELS = {
         FeatureUnion(by_channel(features), n_jobs=2), bayes()
     ),
     "ColumnTransformer": by_columns,
-    "PosteriorProduct": lambda: PosteriorProduct(
+    "PosteriorProduct": lambda: emacm.PosteriorProduct(
         by_channel(lambda name: make_pipeline(features(name), bayes(cost=None))), prices(0.5)
     ),
-    "LeastRiskClassifier": lambda: LeastRiskClassifier(pipeline(cost=None), prices(0.5)),
-    "ConditionRouter": lambda: ConditionRouter(pipeline(), "load"),
+    "LeastRiskClassifier": lambda: emacm.LeastRiskClassifier(pipeline(cost=None), prices(0.5)),
+    "ConditionRouter": lambda: emacm.ConditionRouter(pipeline(), "load"),
     "NewUnitClassifier": lambda: make_pipeline(
-        features(), NewUnitClassifier(prices(0.5), unknown="unknown", temperature="groups")
+        features(), emacm.NewUnitClassifier(prices(0.5), unknown="unknown", temperature="groups")
     ),
     "CalibratedClassifierCV": lambda: calibrated(unknown=None, unknown_rate=None),
     "GridSearchCV": lambda: GridSearchCV(
@@ -153,8 +136,8 @@ def model(composition, tmp_path):
         joblib.dump(fitted(composition), tmp_path / "model.joblib")
         return joblib.load(tmp_path / "model.joblib")
     if composition == "skops":
-        save_model(fitted(composition), tmp_path / "model.skops")
-        return load_model(tmp_path / "model.skops")
+        emacm.save_model(fitted(composition), tmp_path / "model.skops")
+        return emacm.load_model(tmp_path / "model.skops")
     return fitted(composition if composition in MODELS else "Pipeline")
 
 
@@ -164,7 +147,7 @@ def model_of_all():
 
 
 def stated(model, recording):
-    return {(s.kind, s.channel) for s in outside_training(model, [recording])[0]}
+    return {(s.kind, s.channel) for s in emacm.outside_training(model, [recording])[0]}
 
 
 def classifiers(model):
@@ -210,12 +193,12 @@ def units_of_channels(model):
 
 
 def typicality(model):
-    known, other = score(model, [X[0], LIKE_NOTHING])["typicality"]
+    known, other = emacm.score(model, [X[0], LIKE_NOTHING])["typicality"]
     assert known > 0.02 > other
 
 
 def second_state(model):
-    for row in score(model, TWO_FAULTS).itertuples():
+    for row in emacm.score(model, TWO_FAULTS).itertuples():
         assert row.decision == "unknown" or "as of 'outer'" in row.outside_training
 
 
@@ -298,19 +281,21 @@ def test_cross_val_predict():
 
 def test_score_in_two_processes(model_of_all):
     with joblib.parallel_config("loky"):
-        table = score(model_of_all, [LIKE_NOTHING, *DEAD, WITH_LINE, LOUD, IN_RPM, IN_MV], n_jobs=2)
+        table = emacm.score(
+            model_of_all, [LIKE_NOTHING, *DEAD, WITH_LINE, LOUD, IN_RPM, IN_MV], n_jobs=2
+        )
     assert table["decision"][0] == "unknown"
     assert not set(table["decision"][1:3]) & set(STATES)
     assert (table["typicality"][:3] < 0.02).all()
     for row, text in enumerate(("order 9.25", "dB above training", "in rpm", "is in mV"), 3):
         assert text in table["outside_training"][row]
     model_of_all.set_params(costsensitivegaussianbayes__cost=prices(1e-6))
-    assert score(model_of_all, X[:1])["decision"].tolist() == ["inspect"]
+    assert emacm.score(model_of_all, X[:1])["decision"].tolist() == ["inspect"]
 
 
 def test_maintenance_report(model_of_all, tmp_path):
     def page(recording):
-        (file, _) = maintenance_report(model_of_all, [recording], tmp_path / "pages")
+        (file, _) = emacm.maintenance_report(model_of_all, [recording], tmp_path / "pages")
         return file.read_text(encoding="utf-8")
 
     assert "unlike all states" in page(LIKE_NOTHING)
@@ -331,7 +316,9 @@ def test_maintenance_report(model_of_all, tmp_path):
 
 def test_order_monitor(model_of_all):
     def reading(recording):
-        monitor = OrderMonitor(model_of_all, fs=FS, channels=recording.channels, max_speed=900.0)
+        monitor = emacm.OrderMonitor(
+            model_of_all, fs=FS, channels=recording.channels, max_speed=900.0
+        )
         monitor.push(dict(recording.signals), velocity=recording.velocity)
         return monitor.flush()[-1]
 
@@ -352,9 +339,9 @@ def test_find_faults(with_healthy):
     def pump(seed, state, factor=1.0, gain=1.0):
         made = simulate_pump(state, np.random.default_rng(seed), duration=4)
         speed = factor * made["speed [rpm]"] * np.pi / 30
-        return Recording({"vibration": gain * made["vibration [g]"]}, 4000, velocity=speed)
+        return emacm.Recording({"vibration": gain * made["vibration [g]"]}, 4000, velocity=speed)
 
     healthy = [pump(seed, "healthy") for seed in range(3)] if with_healthy else None
     faulty = [pump(10, "outer"), pump(10, "outer", 1.06), pump(10, "outer", gain=0.0)]
-    named = find_faults(faulty, bearing_of("6205"), healthy=healthy)["named"].tolist()
+    named = emacm.find_faults(faulty, bearing_of("6205"), healthy=healthy)["named"].tolist()
     assert named == ["BPFO", "not assessed", "not assessed"]
