@@ -209,8 +209,9 @@ def test_numba_is_imported_only_when_a_recording_is_processed():
         "import sys, emacm, numpy as np\n"
         "run = emacm.Recording({'a': np.ones(99)}, 10, velocity=np.ones(99))\n"
         "resampler = emacm.OrderResampler()\n"
+        "resampler.fit([run])\n"
         "assert 'numba' not in sys.modules\n"
-        "resampler.fit([run])  # the range of the training recordings\n"
+        "resampler.transform([run])[0].strokes[0].signals\n"
         "assert 'numba' in sys.modules"
     )
     found = in_a_new_process(code, EMACM_KERNELS="numba")

@@ -18,6 +18,7 @@ from urllib.request import urlopen
 
 import pytest
 
+from emacm import EmacmWarning
 from emacm.history.records import record_of
 from emacm.history.sinks import MqttSink, sink_of
 from emacm.history.sqlite_history import History
@@ -126,7 +127,7 @@ def warned(sink, records):
         for record in records:
             sink.write(record)
         sink.close()
-    return [str(item.message) for item in caught if item.category is UserWarning]
+    return [str(item.message) for item in caught if item.category is EmacmWarning]
 
 
 def queried(history, sql):
