@@ -272,7 +272,8 @@ def _bin_frame(names: Sequence[Any]) -> pd.DataFrame:
     column = pd.Series(list(map(str, names)), dtype=object, name="column")
     number = r"[0-9]+(?:\.[0-9]*)?(?:[eE][+-]?[0-9]+)?"
     orders = column.str.extract(rf"@({number})(?:-({number}))?$").astype(np.float64)
-    channel = column.str.extract("^(.*)@|^([^:@]*):").ffill(axis=1)[1].fillna("")
+    of_bin, of_feature = column.str.extract("^(.*)@|^([^:@]*):").to_numpy().T
+    channel = np.where(pd.isna(of_bin), np.where(pd.isna(of_feature), "", of_feature), of_bin)
     low = orders[0]
     return pd.DataFrame(
         {"column": column, "channel": channel, "low": low, "high": orders[1].fillna(low)}
