@@ -157,6 +157,9 @@ def classifiers(model):
 
 def unknown_state(model):
     assert model.predict([LIKE_NOTHING, X[1]]).tolist() == ["unknown", "inner"]
+    if not any(isinstance(part, ColumnTransformer) for part in parts_of(model)):
+        reason = emacm.score(model, [LIKE_NOTHING])["outside_training"][0]
+        assert "dB above the training maximum" in reason
 
 
 def dead_channel(model):

@@ -21,6 +21,7 @@ from emacm.decisions.costs import narrowed, stated_costs
 from emacm.decisions.pipelines import (
     RoutingMixin,
     before_the_last_step,
+    check_unknown_states,
     final_estimator,
     parameters_of_rows,
 )
@@ -158,6 +159,7 @@ class ConditionRouter(
                 f"estimator must be a classifier or a pipeline that ends in one; got "
                 f"{self.estimator!r}."
             )
+        check_unknown_states(self.estimator)
         found = read_meta(X, self.condition)
         check_labels(y, len(found))
         rows = {

@@ -61,10 +61,11 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
         One covariance per class (divided by N - 1), one for all classes (N - K), or
         the variances of each class only (the diagonal of "full").
     shrinkage : None, float in [0, 1], "oas" or "auto", default=None
-        Fraction of the target "equal variances, no correlation" in each covariance. "oas"
-        computes it from second moments. "auto" is that of scikit-learn's LDA: Ledoit-Wolf on
-        standardised features (tied: on the deviations from the class means); it needs
-        all recordings at once, unweighted. None: no shrinkage, and the eigenvalues of
+        Fraction of the target "equal variances, no correlation" in each covariance, for features
+        of one unit. For standardised features, so that units have no effect, "oas" computes it from
+        second moments, and "auto" is that of scikit-learn's LDA: Ledoit-Wolf (tied: on the
+        deviations from the class means); it needs all recordings at once, unweighted. None: no
+        shrinkage, and the eigenvalues of
         a singular covariance are raised to 1e-9 of the largest feature variance, with a
         warning. With any number, including 0, a singular covariance is an error.
     unknown : label, default=None

@@ -166,7 +166,8 @@ def narrowed(model: Any, known: Iterable[Any], classes: Iterable[Any]) -> Any:
 
     The posterior probability of a class that is absent from training is 0, and so is its
     contribution to every expected cost, Eq. (2.39) of [1]_: removing its column changes no
-    decision among those that remain. Priors of the other classes are normalised.
+    decision among those that remain. Priors of the other classes are normalised; that of the
+    unknown state stays.
 
     Parameters
     ----------
@@ -195,12 +196,13 @@ def narrowed(model: Any, known: Iterable[Any], classes: Iterable[Any]) -> Any:
     for name, value in model.get_params().items() if absent else ():
         parameter = name.rpartition("__")[2]
         if parameter in of_some:
-            model.set_params(**{name: of_some[parameter](value, absent, len(every))})
+            model.set_params(**{name: of_some[parameter](value, absent, every)})
     return model
 
 
-def _cost_of_some(cost: Any, absent: Mapping[int, Any], n_classes: int) -> Any:
+def _cost_of_some(cost: Any, absent: Mapping[int, Any], every: Sequence[Any]) -> Any:
     """Remove absent classes, given by their place."""
+    n_classes = len(every)
     if isinstance(cost, pd.DataFrame):
         return cost.drop(columns=[*absent.values()], errors="ignore")
     if isinstance(cost, Mapping):
@@ -212,15 +214,19 @@ def _cost_of_some(cost: Any, absent: Mapping[int, Any], n_classes: int) -> Any:
     return np.delete(np.delete(cost, [*absent], axis=0), [*absent], axis=1)
 
 
-def _priors_of_some(priors: Any, absent: Mapping[int, Any], n_classes: int) -> Any:
-    """Remove absent classes, given by their place, and normalise."""
-    if isinstance(priors, Mapping | pd.Series):
-        kept = pd.Series(dict(priors)).drop([*absent.values()], errors="ignore")
-        return (kept / kept.sum()).to_dict() if kept.sum() > 0 else priors
-    if np.shape(priors) not in {(n_classes,), (n_classes + 1,)}:  # such as "uniform"
+def _priors_of_some(priors: Any, absent: Mapping[int, Any], every: Sequence[Any]) -> Any:
+    """Remove absent classes, given by their place; the unknown state keeps its probability."""
+    is_named = isinstance(priors, Mapping | pd.Series)
+    if not is_named and np.shape(priors) not in {(len(every),), (len(every) + 1,)}:
+        return priors  # such as "uniform"
+    labels = None if is_named else [*every, "the unknown state"][: len(priors)]
+    kept = pd.Series(dict(priors) if is_named else priors, labels)
+    kept = kept.drop([*absent.values()], errors="ignore")
+    is_class = kept.index.isin(every)
+    if not kept[is_class].sum() > 0:
         return priors
-    values = np.delete(priors, [*absent])
-    return values / values.sum() if values.sum() > 0 else priors
+    kept[is_class] *= (1 - kept[~is_class].sum()) / kept[is_class].sum()
+    return kept.to_dict() if is_named else kept.to_numpy()
 
 
 def check_pairs(cost: Mapping[Any, Any]) -> None:
@@ -260,6 +266,7 @@ def _stated_pairs(
         pairs = {tuple(plain_labels(pair)): value for pair, value in cost.items()}
         return list(dict.fromkeys([*truths, *(decision for decision, _ in pairs)])), pairs
     if isinstance(cost, pd.DataFrame):
+        _check_axes(cost)
         rows, columns = plain_labels(cost.index), plain_labels(cost.columns)
         check_distinct(rows, "decisions in the index of cost")
         check_distinct(columns, "classes in the columns of cost")
@@ -276,6 +283,18 @@ def _stated_pairs(
     own = truths[len(known) :]  # the unknown state comes last
     pairs = dict(zip(itertools.product(rows, columns), values.ravel().tolist(), strict=True))
     return [*(row for row in rows if row not in own), *own], pairs
+
+
+def _check_axes(cost: pd.DataFrame) -> None:
+    """Raise a ValueError if the names of the axes say that rows are the true classes."""
+    rows, columns = (str(axis.name).lower().replace("_", " ").split() for axis in cost.axes)
+    truth, decision = {"true", "truth", "actual"}, {"decision", "predicted", "prediction", "pred"}
+    if truth & {*rows} or decision & {*columns}:
+        raise ValueError(
+            f"the axes of cost are named {cost.index.name!r} (rows) and {cost.columns.name!r} "
+            f"(columns), but rows are decisions and columns are true classes. Give cost.T, or "
+            f"other names."
+        )
 
 
 def _square(cost: Any, known: list[Any], truths: list[Any]) -> NDArray[Any]:

@@ -158,8 +158,12 @@ def shrinkage_coefficients(
         X, codes = recordings
         return ledoit_wolf_coefficients(X, codes, moments.means, pooled=moments.pooled)
     if shrinkage == "oas":
-        pairs = zip(moments.scatter, moments.group_counts, strict=True)
-        return [oas_coefficient(scatter, count) for scatter, count in pairs], 1.0
+        variances = diagonals(moments.scatter) / np.maximum(moments.group_counts, 1)[:, np.newaxis]
+        variances = np.where(variances > 0, variances, 1.0)
+        scales = np.sqrt(variances)
+        standard = moments.scatter / scales[:, :, np.newaxis] / scales[:, np.newaxis]
+        pairs = zip(standard, moments.group_counts, strict=True)
+        return [oas_coefficient(scatter, count) for scatter, count in pairs], variances
     return 0.0 if shrinkage is None else float(shrinkage), 1.0
 
 

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 from sklearn.base import ClassifierMixin, MetaEstimatorMixin, clone
+from sklearn.svm import SVC, NuSVC
 from sklearn.utils import assert_all_finite, check_consistent_length, get_tags
+from sklearn.utils.class_weight import compute_class_weight
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
@@ -68,9 +70,9 @@ class LeastRiskClassifier(
     Other priors are applied by Bayes' rule: the posterior is multiplied by ``priors / own`` and
     normalised, where `own` is the prior within the posterior: `priors_` or
     `class_prior_` of the estimator (the last step of a pipeline, the best estimator of a search),
-    otherwise the frequencies of the classes in training. A classifier that balances classes by
-    other means (``class_weight="balanced"``) does not reveal its prior; the result is then wrong
-    by a constant factor for each class.
+    otherwise the frequencies of the classes in training, times its `class_weight`. A classifier
+    that balances classes by other means does not reveal its prior; the result is then wrong by a
+    constant factor for each class.
 
     Examples
     --------
@@ -142,8 +144,9 @@ class LeastRiskClassifier(
                 f"{classes.tolist()}. Fit it on all of them."
             )
         self.classes_, self.estimator_ = classes, fitted
+        counts *= _class_weights(final_estimator(fitted), classes, y, counts)
         self._training_frequencies = counts / counts.sum()
-        check_possible(self.priors_, self.estimator_priors_, classes)
+        self._check_priors()
         return self
 
     @property
@@ -195,10 +198,28 @@ class LeastRiskClassifier(
             )
         if self.priors is None:
             return logs
-        check_possible(self.priors_, self.estimator_priors_, self.classes_)
+        self._check_priors()
         return pooled_log_posterior([logs], [self.estimator_priors_], self.priors_)
+
+    def _check_priors(self) -> None:
+        if self.priors is not None and hasattr(final_estimator(self.estimator_), "models_of"):
+            raise ValueError(
+                "priors of a ConditionRouter belong inside: how frequent the classes were in "
+                "training differs from condition to condition. Give them to its estimator."
+            )
+        check_possible(self.priors_, self.estimator_priors_, self.classes_)
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
         tags.input_tags = get_tags(self.estimator).input_tags
         return tags
+
+
+def _class_weights(classifier: Any, classes: Any, y: Any, counts: Array) -> Array:
+    """Return the factor by which a fitted classifier multiplies the frequency of each class."""
+    weights = getattr(classifier, "class_weight", None)
+    if isinstance(classifier, SVC | NuSVC):  # its probabilities are fitted without weights
+        weights = None
+    if isinstance(weights, str):  # "balanced": the weights of all classes have the same sum
+        return 1 / counts
+    return compute_class_weight(weights, classes=classes, y=y)

@@ -203,7 +203,9 @@ def neg_expected_cost(estimator: Any, X: Any, y: ArrayLike) -> float:
 
     A scorer for `scoring=` of `GridSearchCV`, `cross_validate` and others. The cost is
     that of the classifier itself, found at the end of a Pipeline or in the best estimator
-    of a search. It is not suitable for a search over the cost itself, whose unit would change.
+    of a search. It is not suitable for a search over the cost itself, whose unit would change, nor
+    for `TunedThresholdClassifierCV`, which tunes what costs determine here: that takes
+    ``make_scorer(expected_cost, greater_is_better=False, cost=...)``.
 
     Parameters
     ----------

@@ -134,7 +134,7 @@ class PosteriorProduct(CombinedRiskMixin, ClassifierMixin, SavedEstimator):
         self.named_estimators_ = Bunch(**{name: m.estimator_ for name, m in fitted.items()})
         self.estimators_ = list(self.named_estimators_.values())
         self._cost_table()
-        self._agreed("unknown_limit_")
+        self._agreed("unknown_rate")
         self._check_priors()
         return self
 

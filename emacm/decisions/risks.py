@@ -266,9 +266,19 @@ class CombinedRiskMixin(LeastRiskMixin):
         return self._agreed("unknown")
 
     @property
+    def unknown_rate(self):
+        """Rate of the unknown state of the classifiers inside; None if they have none."""
+        return self._agreed("unknown_rate")
+
+    @property
     def unknown_limit_(self):
-        """Typicality up to which a recording is most probably unknown; None without a rate."""
-        return self._agreed("unknown_limit_")
+        """Typicality up to which a recording is most probably unknown; None without a rate.
+
+        The least of the classifiers inside: it depends on how many groups each of them left out.
+        """
+        if self.unknown_rate is None:
+            return None
+        return min(final_estimator(inner).unknown_limit_ for inner in self._inside.values())
 
     @property
     def _unknown_default(self) -> float:
@@ -287,6 +297,11 @@ class CombinedRiskMixin(LeastRiskMixin):
                 f"recordings of a dead channel."
             )
         return first
+
+    def least_typical(self, X: Any) -> Any:
+        """Return the classifier or pipeline inside that knows least of one recording."""
+        found = [final.typicality(table)[0] for final, table in self._opened(X)]
+        return [*self._inside.values()][int(np.argmin(found))]
 
     def _opened(self, X: Any) -> list[tuple[Any, Any]]:
         """Return each classifier inside, without the steps before it, and its input."""

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from emacm._checks import check_count
 from emacm._statements import warn
 from emacm.decisions.costs import stated_costs
+from emacm.decisions.pipelines import check_unknown_states
 from emacm.evaluation.caveats import single_unit_labels
 from emacm.evaluation.held_out import all_schemes, decide_held_out, read_groupings
 from emacm.evaluation.results import Evaluation, score_held_out
@@ -146,6 +147,7 @@ def evaluate(
     for method in ("fit", "predict"):
         if isinstance(estimator, type) or not hasattr(estimator, method):
             raise TypeError(f"estimator must be a classifier with {method}, got {estimator!r}.")
+    check_unknown_states(estimator)
     classes = checked_classes(y, X)
     check_count(n_splits, "n_splits", at_least=2)
     rule = scoring_rule(np.unique(classes), healthy=healthy, **stated_costs(estimator))

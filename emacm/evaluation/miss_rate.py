@@ -173,9 +173,11 @@ def miss_rate_limit(
             f'faulty recordings. Give the classifier an unknown state or temperature="groups".'
         )
     limit = cost + (factor - 1) * scaled
+    unknown = None if final.unknown is None else decisions.index(final.unknown)
     rows = {}
     for name, table in (("given cost", cost), ("limit", limit)):
-        decided = [decisions[row] for row in decide(posterior, table.to_numpy())]
+        rows_decided = decide(posterior, table.to_numpy(), unknown)
+        decided = [decisions[row] for row in rows_decided]
         judged = rule.judge(states, decided)
         rates = {key: tally for key, tally in tallies(judged, rule).items() if "rate" in key}
         rows[name] = bootstrap.figures(rates, units.labels)

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from sklearn.base import BaseEstimator
+from sklearn.pipeline import FeatureUnion
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import located
@@ -25,24 +26,24 @@ from emacm._saved import installed_versions, values_as_lists, write_whole
 from emacm._statements import warn
 from emacm.decisions.pipelines import check_unknown_states, fitted_resamplers, parts_of
 from emacm.decisions.truths import label_positions
+from emacm.machine.fault_lines import LineLevels
 
+# Numbers and their descriptions. Modules of scikit-learn that read files or run tests are left out.
 _TRUSTED = re.compile(
-    r"emacm\.machine\.fault_lines\.LineLevels|scipy\.sparse\._csr\.csr_(array|matrix)"
-    r"|sklearn\.metrics\._scorer\._PassthroughScorer|sklearn\.utils\._bunch\.Bunch"
-    r"|sklearn\.(model_selection\._split|utils\._metadata_requests)\.[A-Z]\w+"
+    r"emacm\.[a-z_]+\.[a-z][a-z_]+|scipy\.sparse\._csr|numpy"
+    r"|sklearn\.(?!externals|datasets|utils)[a-z_.]+|sklearn\.utils\.(_bunch|_metadata_requests)"
 )
-
-
-_START = b"emacm model 1\n"
+_START = b"emacm model 2\n"
 
 
 def _check_types(names: Sequence[str]) -> None:
-    """Raise a TypeError with the types that skops does not trust and that are not ours."""
-    foreign = [name for name in names if not _TRUSTED.fullmatch(name) and not _is_ours(name)]
+    """Raise a TypeError with the types that skops does not trust, if they may hold code."""
+    foreign = [name for name in names if not _is_trusted(name)]
     if foreign:
         raise TypeError(
-            f"the model contains types that a model file must not hold: {', '.join(foreign)}. Use "
-            f"steps of emacm and scikit-learn and functions of NumPy or SciPy, or joblib.dump."
+            f"it contains types that a model file must not hold: {', '.join(foreign)}. Use steps "
+            f"of emacm and scikit-learn and functions of NumPy or SciPy (of a search, save the "
+            f"best_estimator_), or joblib.dump."
         )
 
 
@@ -58,20 +59,35 @@ def _readable() -> Iterator[None]:
         ) from error
 
 
-def _is_ours(name: str) -> bool:
-    """Tell whether it is an estimator of emacm, one of its classes of values, or a ufunc."""
-    module, _, short = name.rpartition(".")
-    if module in ("numpy", "numpy.core._multiarray_umath"):  # as NumPy 2 and 1 write functions
-        return isinstance(getattr(np, short, None), np.ufunc)
-    if not re.fullmatch(r"emacm\.[a-z_]+\.[a-z][a-z_]+", module):
+def _is_trusted(name: str) -> bool:
+    """Tell whether it is a class of emacm or scikit-learn, or a function that only computes."""
+    module, _, short = name.replace("numpy.core._multiarray_umath", "numpy").rpartition(".")
+    if not _TRUSTED.fullmatch(module):  # NumPy 1 names the module of its functions
         return False
     try:
         found: Any = getattr(importlib.import_module(module), short, None)
     except ImportError:
         return False
-    if not isinstance(found, type) or found.__module__ != module:
-        return False
-    return issubclass(found, BaseEstimator | tuple) or is_dataclass(found)
+    if module == "numpy":
+        return isinstance(found, np.ufunc) or found is np.dtype
+    if not isinstance(found, type):
+        return bool(re.match(r"sklearn\.(metrics|feature_selection)\b", module)) and callable(found)
+    is_value = issubclass(found, BaseEstimator | tuple | LineLevels) or is_dataclass(found)
+    return found.__module__ == module and (is_value or not module.startswith("emacm."))
+
+
+def _stored(skops: Any, model: Any) -> bytes:
+    """Return a model as skops writes it; a TypeError names what cannot be stored, and where."""
+    try:
+        stored = skops.dumps(model, compression=8)
+    except (TypeError, AttributeError, ValueError) as error:
+        raise TypeError(
+            f"it contains something that a model file cannot hold: {error}. Use functions of NumPy "
+            f"or SciPy only (of a search over costs, save the best_estimator_), or joblib.dump, "
+            f"whose files execute code."
+        ) from error
+    _check_types(skops.get_untrusted_types(data=stored))
+    return stored
 
 
 def save_model(
@@ -93,7 +109,8 @@ def save_model(
     ----------
     model : estimator or Pipeline
         A fitted model of steps of emacm and scikit-learn. Functions must be those of NumPy or
-        SciPy, such as ``FunctionTransformer(np.log10)``.
+        SciPy, such as ``FunctionTransformer(np.log10)``. Not stored are `SplineTransformer`, and
+        searches over cost tables or over distributions: of these, save the ``best_estimator_``.
     path : str or Path
         The file; it replaces an existing one as a whole.
     note : str, optional
@@ -147,15 +164,18 @@ def save_model(
         label_positions([healthy], np.asarray(model.classes_).tolist(), "healthy", "class")
         model.healthy_ = healthy
     skops = _skops()
+    for part in parts_of(model):
+        if isinstance(part, FeatureUnion) and hasattr(part, "_transformers_feature_names_out"):
+            names = part._transformers_feature_names_out  # from pandas, which skops cannot store
+            part._transformers_feature_names_out = [np.array(own, dtype=object) for own in names]
     with values_as_lists():
         try:
-            stored = skops.dumps(model, compression=8)
-        except (TypeError, AttributeError, ValueError) as error:
-            raise TypeError(
-                f"the model contains something that a model file cannot hold: {error}. Use "
-                f"functions of NumPy or SciPy only, or joblib.dump, whose files execute code."
-            ) from error
-    _check_types(skops.get_untrusted_types(data=stored))
+            stored = _stored(skops, model)
+        except TypeError:
+            for part in reversed([*parts_of(model)]):  # the innermost first
+                with located(f"the model cannot be saved: {type(part).__name__}"):
+                    _stored(skops, part)
+            raise
     about = json.dumps(_description(model, note, evidence), default=str).encode()
     body = len(about).to_bytes(8, "little") + about + stored
     write_whole(file, _START + sha256(body).hexdigest().encode() + b"\n" + body)
@@ -275,7 +295,10 @@ def _read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], bytes]:
     with located(f"model {path}"):
         start = len(_START)
         if content[:start] != _START:
-            raise ValueError("it is not a model file of emacm.save_model, or of a later version.")
+            raise ValueError(
+                "it is not a model file of emacm.save_model, or one of another version. Save the "
+                "model with the version that is installed here."
+            )
         digest, body = content[start : start + 65], content[start + 65 :]
         if sha256(body).hexdigest().encode() + b"\n" != digest:
             raise ValueError(

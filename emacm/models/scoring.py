@@ -28,7 +28,7 @@ from emacm.decisions.pipelines import (
     parts_with_input,
     search_estimator,
 )
-from emacm.decisions.risks import LeastRiskMixin, risks_of
+from emacm.decisions.risks import CombinedRiskMixin, LeastRiskMixin, risks_of
 from emacm.explanations.deviations import second_state_statement
 from emacm.explanations.explain import explain_decision
 from emacm.files.folder import FileRecording
@@ -136,6 +136,11 @@ def score_columns(model: Any) -> list[str]:
     first = ["recording", "decision", "expected_cost", "typicality"]
     posteriors = [f"P({c})" for c in np.asarray(model.classes_).tolist()]
     if getattr(final_estimator(model), "unknown", None) is not None:
+        if P_UNKNOWN in posteriors:
+            raise ValueError(
+                "a class of the model is named 'unknown', and so is the column of the probability "
+                "that no class is true. Rename this class, or set unknown=None."
+            )
         posteriors.append(P_UNKNOWN)
     return [*first, *posteriors, "warnings", "outside_training", "error"]
 
@@ -273,7 +278,8 @@ def _results(model: Any, recordings: list[Recording]) -> list[Row]:
         row = decisions[number] | found | {"features": np.asarray(table)[number]}
         outside = row["outside_training"]
         if unknown is not None and row["decision"] == unknown:
-            outside = _reasons(model, recordings[number], outside)
+            known_least = _least_typical(model, recordings[number])
+            outside = _reasons(*known_least, outside, decision=unknown)
         elif seconds[number] is not None:
             second = second_state_statement(row["decision"], seconds[number])
             outside = _reasons(model, recordings[number], outside, second)
@@ -326,11 +332,21 @@ def opened_classifier(model: Any, X: list[Any]) -> tuple[Any, Any]:
     return final.with_present_costs(inner), features
 
 
-def _reasons(model: Any, recording: Recording, known: str, *otherwise: str) -> str:
+def _least_typical(model: Any, recording: Any) -> tuple[Any, Any]:
+    """Return the classifier that knows least of a recording, of those combined, and its input."""
+    final, table = opened_classifier(model, [recording])
+    while isinstance(final, CombinedRiskMixin):
+        model, recording = final.least_typical(table), table
+        final, table = before_the_last_step(model, table)
+    return model, recording
+
+
+def _reasons(model: Any, recording: Any, known: str, *otherwise: str, decision: Any = None) -> str:
     """Return the sentences on properties outside the training range, then what else deviates."""
     statements = [*otherwise]
     with suppress(TypeError, ValueError):  # some models decide but cannot be explained
-        statements = explain_decision(model, recording).attrs.get("statements", statements)
+        explained = explain_decision(model, recording, decision=decision)
+        statements = explained.attrs.get("statements", statements)
     return "; ".join(filter(None, [known, *statements]))
 
 

@@ -352,10 +352,10 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, other: A
     page.deviations, page.findings, page.reference = table, found, str(reference)
     page.normal += found.normal
     page.notes += found.notes
-    recordings = "healthy recordings" if healthy else "training recordings"
+    of_training = f"training recordings of {str(reference)!r}"
     page.notes.append(
-        f"Deviations are from the mean of the {recordings} of {str(reference)!r}; those of at "
-        f"least 3 dB and 4 standard deviations are listed."
+        f"Deviations are from the mean of the {'background' if healthy else of_training}; those of "
+        f"at least 3 dB and 4 standard deviations are listed."
     )
     if page.spectra and not healthy:
         page.notes.append(
