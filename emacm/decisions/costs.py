@@ -46,13 +46,13 @@ def cost_table(
     unknown : label, default=None
         Label of the unknown state, one more decision and true state; None: there is none. What
         `cost` does not state of it: if the true state is unknown, deciding a class, or any decision
-        that is the cheapest for some class, costs 1, and any other ("inspect") its largest cost
-        for a class, above that of the right decision. Deciding "unknown" costs under each true
-        state what "inspect" costs there, because an unknown state has to be looked at (of several
-        such decisions, the one that costs least if the true state is unknown, and less than any
-        class). Without such a decision it
-        costs 0 if it is true and otherwise 1 more than the right decision, so that a constant for
-        one true class changes no decision.
+        that is the cheapest for some class, costs what the best of them costs at worst (minimax),
+        above the right decision; and any other ("inspect") its largest cost for a class, above that
+        of the right decision. Deciding "unknown" costs under each true state what "inspect" costs
+        there, because an unknown state has to be looked at (of several such decisions, the one that
+        costs least if the true state is unknown, and less than any class). Without such a decision
+        it costs 0 if it is true, and otherwise that minimax cost more than the right decision.
+        A constant for one true class, or another unit of all costs, thus changes no decision.
 
     Returns
     -------
@@ -67,8 +67,7 @@ def cost_table(
     ------
     ValueError
         If the shape is wrong, a class is unknown, missing or named twice, a cost is not
-        finite, a decision that is not a class lacks the cost of a class, or costs of the unknown
-        state are not stated although 1 is not among those of other decisions.
+        finite, or a decision that is not a class lacks the cost of a class.
     TypeError
         If a cost is text, complex or a bool, or a key of a mapping is not a pair.
 
@@ -101,23 +100,15 @@ def cost_table(
     if unknown is not None:
         others = np.array([row != unknown for row in rows])
         least = matrix[others, :-1].min(axis=0)  # of the right decisions
-        names_states = (matrix[:, :-1] == least).any(axis=1)
-        names_states |= [decision in truths for decision in rows]
-        wrong = (matrix[:, :-1] - least)[others]
-        wrong = wrong[wrong > 0]
-        is_stated = any(unknown in pair for pair in stated)
-        if len(wrong) and not is_stated and not wrong.min() <= 1 <= wrong.max():
-            raise ValueError(
-                f"cost must state a row and a column of the unknown state {unknown!r}: their "
-                f"default 1 is not among the costs of other decisions, {wrong.min():g} to "
-                f"{wrong.max():g}."
-            )
+        above = matrix[:, :-1] - least
+        names_states = (above == 0).any(axis=1) | [decision in truths for decision in rows]
+        wrong = above[others & names_states].max(axis=1).min() or 1.0
         for row, decision in enumerate(rows):
-            if decision not in truths and (decision, unknown) not in stated:
-                matrix[row, -1] = 1.0 if names_states[row] else (matrix[row, :-1] - least).max()
+            if decision != unknown and (decision, unknown) not in stated:
+                matrix[row, -1] = wrong if names_states[row] else above[row].max()
         for k, truth in enumerate(known):
             if (unknown, truth) not in stated:
-                matrix[rows.index(unknown), k] += least[k]
+                matrix[rows.index(unknown), k] = least[k] + wrong
         cheapest = np.lexsort((~names_states, matrix[:, -1], ~others))[0]  # a class, if as cheap
         if not names_states[cheapest]:  # an inspection
             is_default = [(unknown, truth) not in stated for truth in truths]

@@ -239,9 +239,12 @@ def _add_decision(page: Page, settings: Settings, recording: Recording) -> Any:
         )
     elif decision == settings.healthy or own.any():
         page.kind = "healthy" if decision == settings.healthy else "fault"
+        beyond = page.row.get(scoring.P_UNKNOWN, 0.0)
         page.sentences.append(
             f"Confidence: {confidence(probability)}. The probability of this state is "
             f"{percent(probability)}."
+            if beyond <= 0.5
+            else f"Confidence: low. The state is probably ({percent(beyond)}) none of the model."
         )
     else:
         text = f"No state is certain enough: {page.decision!r} has the lowest expected cost."

@@ -188,12 +188,12 @@ def test_costs_of_sets_that_cannot_be_meant_are_refused(change, words):
         set_costs(**{"states": SETS, "opening": OPENING, "left": LEFT} | change)
 
 
-def test_costs_in_money_need_those_of_the_unknown_state():
+def test_the_unit_of_costs_changes_no_decision_on_an_unknown_state():
     X, y = [[0.0], [0.4], [0.8], [5.0], [5.6], [6.0]], ["healthy"] * 3 + ["screw"] * 3
-    cost = set_costs(y, {"screw": 200}, {"screw": 3000})
-    model = CostSensitiveGaussianBayes(cost, covariance="tied", unknown="unknown")
-    with pytest.raises(ValueError, match="costs of other decisions"):
-        model.fit(X, y, groups=[0, 1, 2, 0, 1, 2]).predict(X)
-    cost.loc["unknown"], cost["unknown"] = 1000, [5000, 5000, 0]
-    model.set_params(cost=cost).fit(X, y, groups=[0, 1, 2, 0, 1, 2])
-    assert model.predict(X).tolist() == y
+    new = [*X, [2.8], [200.0]]
+    model = CostSensitiveGaussianBayes(covariance="tied", unknown="unknown")
+    for unit in (1, 200, 1e-3):
+        cost = set_costs(y, {"screw": unit}, {"screw": 15 * unit})
+        model.set_params(cost=cost).fit(X, y, groups=[0, 1, 2, 0, 1, 2])
+        assert model.cost_[:, -1].tolist() == [unit, unit, 0]
+        assert model.predict(new).tolist() == [*y, "healthy", "unknown"]

@@ -164,11 +164,11 @@ def test_only_what_is_the_cheapest_for_some_class_is_wrong_of_the_unknown_state(
     )
     decisions, table = cost_table(cost, CLASSES, "new")
     assert decisions.tolist() == [*"abcde", "new"]
-    assert table[:, -1].tolist() == [1, 1, 1, 4, 0.8, 0.8]
+    assert table[:, -1].tolist() == [1.5, 1.5, 1.5, 4, 0.8, 0.8]
     assert table[-1].tolist() == table[-2].tolist()  # the cheaper one of two inspections
     table = cost_table(cost[:4], CLASSES, "new")[1]
-    # None is cheaper than a wrong class: 1 more than the right decision costs.
-    assert table[-1].tolist() == [1, 1.5, 1.1, 0]
+    # None is cheaper than a wrong class: 1.5 more than the right decision costs.
+    assert table[-1].tolist() == [1.5, 2.0, 1.6, 0]
     square = np.arange(9.0).reshape(3, 3) / 3
     decisions, table = cost_table(square, CLASSES, "new")
     assert decisions.tolist() == [*CLASSES, "new"]
