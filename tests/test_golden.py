@@ -98,7 +98,7 @@ def printed(*arguments):
     with contextlib.redirect_stdout(streams[0]), contextlib.redirect_stderr(streams[1]):
         status = main([*arguments])
     texts = [f"[{status}] emacm {' '.join(arguments)}", *(s.getvalue() for s in streams)]
-    return "\n".join(text.rstrip() for text in texts if text).replace(f"{Path.cwd()}/", "")
+    return "\n".join(text.rstrip() for text in texts if text)
 
 
 def page_text(path):
@@ -144,7 +144,7 @@ def outputs():
     for more in ((), ("--fail-on-alarm",)):
         made["trend"] = made.get("trend", "") + printed(*trend, *more) + "\n"
     table = pd.read_csv("trend.csv")[["unit", "time", "index", "limit", "alarm", "error"]]
-    made["trend"] += table.round(3).to_csv(index=False).replace(f"{Path.cwd()}/", "")
+    made["trend"] += table.round(3).to_csv(index=False)
     watch = (
         "monitor",
         "model.skops",
@@ -161,7 +161,7 @@ def outputs():
     made["monitor"] = pd.DataFrame(records)[[*keys]].round(4).to_csv(index=False)
     found = ("find", "new", *with_layout, "--parts", "parts.toml")
     made["find"] = printed(*found)
-    return made
+    return {name: text.replace(f"{Path.cwd()}/", "") for name, text in made.items()}
 
 
 def parts(text):
