@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -104,6 +104,11 @@ class FileRecording(Recording):
         """
         self._check_files()
         return super().digest
+
+    @property
+    def identity(self) -> Hashable:
+        """A key of the content in this process: the state of the files, and how they are read."""
+        return self._key
 
     def _check_files(self) -> None:
         for state in self._states:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -136,8 +137,14 @@ class BinTransformer(OrderTableTransformer):
         blocks = self._blocks(column_names(X))
         bins = named_bins(self.bin_size, self.max_order, self.edges, self.stop_bands)
         self.bins_ = tuple(bins.values())
-        operators = (bin_operator(b.orders, self.bins_, stop_bands=self.stop_bands) for b in blocks)
-        self.operator_ = sparse.block_diag([*map(sparse.csr_array, operators)], format="csr")
+
+        @cache
+        def operator_of(axis: bytes) -> sparse.csr_array:  # that of most channels is the same
+            orders = np.frombuffer(axis)
+            return sparse.csr_array(bin_operator(orders, self.bins_, stop_bands=self.stop_bands))
+
+        operators = [operator_of(block.orders.astype(np.float64).tobytes()) for block in blocks]
+        self.operator_ = sparse.block_diag(operators, format="csr")
         self._columns_out = tuple(f"{block.channel}@{name}" for block in blocks for name in bins)
         codes = None if groups is None else group_codes(groups, len(psd))
         self._trained_on: tuple[Any, Any] | None = (psd, codes)

@@ -215,11 +215,14 @@ def bin_operator(
     """
     orders, stops = np.asarray(orders, np.float64), check_stop_bands(stop_bands)
     _check_range(orders, bins)
+    # A stop band may divide a bin into parts; adjacent ones share a limit.
+    parts = [(row, *part) for row, b in enumerate(bins) for part in kept_intervals(b, stops)]
+    rows, *edges = np.array(parts).reshape(-1, 3).T
+    limits, places = np.unique(edges, return_inverse=True)
+    below = _weights_below(orders, limits)
+    low, high = places.reshape(2, -1)
     operator = np.zeros((len(bins), len(orders)))
-    for weights, band in zip(operator, bins, strict=True):
-        for part in kept_intervals(band, stops):  # a stop band may divide a bin
-            below, up_to = _weights_below(orders, np.array(part))
-            weights += up_to - below
+    np.add.at(operator, rows.astype(np.intp), below[high] - below[low])
     return operator
 
 

@@ -7,16 +7,15 @@ from functools import partial
 from pathlib import PurePath
 from typing import Any
 
-import joblib
 import numpy as np
 from numpy.typing import NDArray
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from emacm._checks import check_choice, check_finite_table, check_signal, check_table
 from emacm.orders.columns import BARE_CHANNEL, OrderTable, order_columns
-from emacm.orders.store import recalled
+from emacm.orders.store import spectra_of_rows
 from emacm.orders.welch import WelchEstimator, samples_per_revolution
-from emacm.recordings.inputs import as_list, described, refuse_single, run
+from emacm.recordings.inputs import as_list, described, refuse_single
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import (
     AngleRecording,
@@ -60,11 +59,13 @@ class OrderPSD(WelchEstimator):
         Highest order of interest: columns above the first one at or above it are omitted.
     theta_s : float, optional
         Angle between samples [rad] of plain rows. Recordings contain theirs.
-    memory : None, str, path or joblib.Memory
-        Folder in which spectra are kept between calls, folds, candidates of a search and processes.
-        The key of a spectrum is the content of its recording and all settings, including those of
-        resampling. Resampled signals are not kept. ``joblib.Memory(folder).reduce_size`` deletes
-        the oldest spectra.
+    memory : None, False, str, path or joblib.Memory
+        Where spectra of recordings are kept between calls, folds and candidates of a search. None:
+        in the memory of the process, the latest 256 MiB, as long as it has the recordings. A folder
+        keeps them for other processes, too; the key of a spectrum is the content of its recording
+        and all settings, including those of resampling, and
+        ``joblib.Memory(folder).reduce_size`` deletes the oldest ones. False: nowhere. Resampled
+        signals are not kept.
     verbose : bool or int
         Report to stderr how many recordings are done, the rate and the time left: by tqdm, if it is
         installed, otherwise by joblib (the higher, the more often).
@@ -222,18 +223,7 @@ class OrderPSD(WelchEstimator):
             )
         options: dict[str, Any] = {"n_jobs": self.n_jobs, "verbose": self.verbose}
         options["names"] = [partial(_named, row, index) for index, row in enumerate(rows)]
-        if self.memory is None:
-            spectra = run(partial(self._estimated, joblib.hash(vars(self.plan_))), rows, **options)
-        else:
-            spectra = recalled(self.plan_.spectra_of, rows, self.memory, self.plan_, **options)
-        return self.table_of(spectra)
-
-    def _estimated(self, settings: str, row: Any) -> NDArray[np.floating]:
-        """Return the spectrum of a row; a recording keeps that of the last settings."""
-        estimate = partial(self.plan_.spectra_of, row)
-        if not isinstance(row, AngleRecording):
-            return estimate()
-        return row.measured.latest("spectrum", (settings, row.settings), estimate)
+        return self.table_of(spectra_of_rows(rows, self.plan_, self.memory, **options))
 
     def table_of(self, spectra: Sequence[NDArray[np.floating]]) -> NDArray[np.floating]:
         """Return the table of spectra that were estimated elsewhere, as `transform` does.

@@ -1,13 +1,13 @@
-"""Spectra that are kept in a folder between calls, folds, searches and processes.
+"""Spectra that are kept between calls, folds and searches, and in a folder between processes.
 
-The key of a spectrum is the content of its recording and all settings. It is kept by
+In a folder, the key of a spectrum is the content of its recording and all settings. It is kept by
 `joblib.Memory`, which estimates a damaged one again.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from hashlib import sha256
 from typing import Any
@@ -19,11 +19,12 @@ from sklearn.utils.validation import check_memory
 
 from emacm._version import __version__
 from emacm.orders.segment_plan import SegmentPlan
-from emacm.recordings.digests import content_digest
+from emacm.recordings.digests import Recent, content_digest
 from emacm.recordings.inputs import run
 from emacm.resampling.angle_recording import AngleRecording
 
 Spectrum = NDArray[np.floating]
+_recent: Recent[Spectrum] = Recent(1 << 28)  # of this process
 
 
 def open_memory(memory: Any) -> joblib.Memory:
@@ -79,25 +80,19 @@ def spectrum_key(row: Any, settings: str) -> str:
     return sha256(f"{content}{settings}".encode("utf-8", "surrogatepass")).hexdigest()
 
 
-def recalled(
-    estimate: Callable[[Any], Spectrum],
-    rows: Sequence[Any],
-    memory: Any,
-    plan: SegmentPlan,
-    **options: Any,
+def spectra_of_rows(
+    rows: Sequence[Any], plan: SegmentPlan, memory: Any, **options: Any
 ) -> list[Spectrum]:
     """Return the spectrum of each row, and estimate those that are not kept.
 
     Parameters
     ----------
-    estimate : callable
-        Returns the spectrum of a row.
     rows : sequence of AngleRecording or ndarray
         Recordings or signals over shaft angle.
-    memory : str, path or joblib.Memory
-        Where spectra are kept.
     plan : SegmentPlan
         What the spectra depend on besides the rows.
+    memory : None, False, str, path or joblib.Memory
+        Where spectra are kept, as for `OrderPSD`.
     **options
         See `emacm.recordings.inputs.run`.
 
@@ -105,12 +100,32 @@ def recalled(
     -------
     list of ndarray
     """
-    recall = open_memory(memory).cache(_estimated, ignore=["row", "estimate"])
     settings = joblib.hash((vars(plan), __version__))
-    keys = [spectrum_key(row, settings) for row in rows]
-    return run(partial(recall, estimate=estimate), keys, rows, **options)
+    recall = None
+    if memory is not None and memory is not False:
+        recall = open_memory(memory).cache(_estimated, ignore=["row", "plan"])
+    return run(partial(_spectrum, plan, settings, recall, memory is not False), rows, **options)
 
 
-def _estimated(key: str, row: Any, estimate: Callable[[Any], Spectrum]) -> Spectrum:
+def _spectrum(plan: SegmentPlan, settings: str, recall: Any, keep: bool, row: Any) -> Spectrum:
+    """Return the spectrum of a row: of this process, of the folder, or estimated."""
+    if not keep or (recall is None and not isinstance(row, AngleRecording)):
+        return plan.spectra_of(row)
+    known = None
+    if isinstance(row, AngleRecording):
+        known = row.measured.identity, settings, repr(list(row.settings))
+        found = _recent.get(known)
+        if found is not None:
+            return found
+    if recall is None:
+        found = plan.spectra_of(row)
+    else:
+        found = recall(spectrum_key(row, settings), row=row, plan=plan)
+    if known is not None:
+        _recent.put(known, found, found.nbytes)
+    return found
+
+
+def _estimated(key: str, row: Any, plan: SegmentPlan) -> Spectrum:
     """Estimate a spectrum, which joblib keeps under its key."""
-    return estimate(row)
+    return plan.spectra_of(row)

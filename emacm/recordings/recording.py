@@ -301,11 +301,10 @@ class Recording:
             self._known[name] = compute()
         return self._known[name]
 
-    def latest(self, name: Hashable, settings: Hashable, compute: Callable[[], Any]) -> Any:
-        """Return a result for some settings; only that of the last ones is kept."""
-        if self._known.get(name, (None,))[0] != settings:
-            self._known[name] = settings, compute()
-        return self._known[name][1]
+    @property
+    def identity(self) -> Hashable:
+        """A key of the content in this process: other recordings have others."""
+        return self.once("identity", object)
 
     @property
     def jump(self) -> Jump | None:

@@ -65,12 +65,12 @@ def test_a_folder_that_cannot_be_made_is_an_error_that_names_it(tmp_path):
 
 @pytest.mark.parametrize("damage", [lambda raw: raw[:100], lambda raw: raw[:-9] + bytes(9)])
 def test_a_damaged_spectrum_is_estimated_again(calls, tmp_path, damage):
-    psd, X = OrderPSD(4, memory=tmp_path), over_angle(run())
-    expected = psd.fit_transform(X)
+    psd = OrderPSD(4, memory=tmp_path)
+    expected = psd.fit_transform(over_angle(run()))
     (file,) = tmp_path.rglob("output.pkl")
     file.write_bytes(damage(file.read_bytes()))
-    np.testing.assert_array_equal(psd.transform(X), expected)
-    psd.transform(X)
+    for _ in range(2):
+        np.testing.assert_array_equal(psd.transform(over_angle(run())), expected)
     assert len(calls) == 2
 
 
@@ -165,16 +165,27 @@ Y = ["healthy", "worn"] * 3
 @cache
 def plain_scores():
     X = [run(seed) for seed in range(6)]
-    return search(None, GRID).fit(X, Y).cv_results_["mean_test_score"]
+    return search(False, GRID).fit(X, Y).cv_results_["mean_test_score"]
 
 
+@pytest.mark.parametrize("in_folder", [True, False])
 @pytest.mark.parametrize(("n_jobs", "most"), [(1, 24), (2, 48)])
-def test_a_search_estimates_each_spectrum_once_or_once_a_worker(calls, tmp_path, n_jobs, most):
+def test_a_search_estimates_each_spectrum_once_or_once_a_worker(
+    calls, tmp_path, n_jobs, most, in_folder
+):
     X = [run(seed) for seed in range(6)]
     with parallel_config("threading"):
-        found = search(tmp_path, GRID, n_jobs=n_jobs).fit(X, Y)
+        found = search(tmp_path if in_folder else None, GRID, n_jobs=n_jobs).fit(X, Y)
     assert 6 * 2 * 2 <= len(calls) <= most
     np.testing.assert_array_equal(found.cv_results_["mean_test_score"], plain_scores())
+
+
+def test_nothing_is_kept_where_that_is_stated(calls):
+    X = over_angle(run())
+    for memory, expected in ((False, 2), (None, 3)):
+        for _ in range(2):
+            OrderPSD(4, memory=memory).fit_transform(X)
+        assert len(calls) == expected
 
 
 @pytest.mark.slow
