@@ -1,9 +1,10 @@
 """What a search costs, and how often it estimates the same spectrum.
 
 A plain `GridSearchCV` over the angle between samples, the length of a segment and the width of a
-bin, with spectra kept by `OrderPSD(memory=folder)`, against the least that it can cost: the spectra
-alone, each once, and the same grid with the spectra given. Without memory and with
-`Pipeline(memory=...)`, a small part of the grid is timed and scaled. Run from the repository:
+bin, against the least that it can cost, which is a loop by hand: the spectra alone, each once, and
+the same grid with the spectra given. Then with `OrderPSD(memory=folder)`, also of recordings that
+the process has not seen, and with ``memory=False``, of which a small part of the grid is timed and
+scaled. Run from the repository:
 
     python benchmarks/search.py [--quick] [--json [FILE]]
 """
@@ -11,14 +12,15 @@ alone, each once, and the same grid with the spectra given. Without memory and w
 from __future__ import annotations
 
 import argparse
+import pickle
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import joblib
 import numpy as np
 from measure import header, json_option, table, write_json
 from numpy.typing import NDArray
@@ -48,7 +50,7 @@ QUICK = {name: values[:2] for name, values in GRID.items()}
 
 
 def recordings(n_recordings: int, n_times: int) -> tuple[list[Recording], NDArray[np.str_]]:
-    """Make runs of 2 healthy and worn drives, 3 channels; a worn one has a line at order 5.4."""
+    """Make runs of 2 healthy and worn drives, 5 channels; a worn one has a line at order 5.4."""
     y = np.array(["healthy", "worn"] * (n_recordings // 2))
     X = []
     for seed, condition in enumerate(y):
@@ -57,8 +59,8 @@ def recordings(n_recordings: int, n_times: int) -> tuple[list[Recording], NDArra
         velocity = 2 * np.pi * 48 * (1 + 0.15 * np.sin(2 * np.pi * times + rng.uniform(0, 6)))
         angle = np.cumsum(velocity) / FS
         line = 0.1 * (condition == "worn") * np.sin(5.4 * angle)
-        noise = rng.standard_normal((3, n_times))
-        channels = dict(zip(("current", "x", "y"), noise + np.sin(6 * angle) + line, strict=True))
+        noise = rng.standard_normal((5, n_times))
+        channels = dict(zip("abcxy", noise + np.sin(6 * angle) + line, strict=True))
         X.append(Recording(channels, FS, velocity=velocity, meta={"run": seed}))
     return X, y
 
@@ -116,7 +118,8 @@ def every_spectrum(X: list[Recording], grid: dict[str, Any]) -> dict[tuple[float
     for theta_s in grid["orderresampler__theta_s"]:
         over_angle = OrderResampler(theta_s).fit_transform(X)
         for revolutions in grid["orderpsd__revolutions"]:
-            tables[theta_s, revolutions] = OrderPSD(revolutions).fit_transform(over_angle)
+            spectra = OrderPSD(revolutions, memory=False).fit_transform(over_angle)
+            tables[theta_s, revolutions] = spectra
     return tables
 
 
@@ -125,16 +128,6 @@ def given_spectra(tables: dict[tuple[float, float], Any], grid: dict[str, Any], 
     sizes = {"bintransformer__bin_size": grid["bintransformer__bin_size"]}
     steps = make_pipeline(BinTransformer(max_order=TOP), *classifier())
     return max(searched(steps, sizes, spectra, y).best_score_ for spectra in tables.values())
-
-
-def given_bins(tables: dict[tuple[float, float], Any], grid: dict[str, Any], y: Any) -> float:
-    """Search the same grid with the bins given; return the best score."""
-    steps, best = make_pipeline(*classifier()), 0.0
-    for spectra in tables.values():
-        for size in grid["bintransformer__bin_size"]:
-            bins = BinTransformer(size, max_order=TOP).fit_transform(spectra)
-            best = max(best, searched(steps, {"pca__n_components": [5]}, bins, y).best_score_)
-    return best
 
 
 def part_of(grid: dict[str, Any]) -> dict[str, Any]:
@@ -157,26 +150,21 @@ def measured(X: list[Recording], y: Any, grid: dict[str, Any]) -> list[dict[str,
         rows.append({"variant": variant, "scaled": times} | {k: v * times for k, v in row.items()})
         return result
 
-    def part(steps: Pipeline) -> Any:
-        return searched(steps, small, X, y, refit=False)
-
     searched(pipeline(), small, X[:10], y[:10])  # warms up
     tables = add("each spectrum once, no search", lambda: every_spectrum(X, grid))
     best = add("search, spectra given", lambda: given_spectra(tables, grid, y))
-    add("search, bins given", lambda: given_bins(tables, grid, y))
+    found = add("search", lambda: searched(pipeline(), grid, X, y))
+    assert found.best_score_ == best
+    add("the same again", lambda: searched(pipeline(), grid, X, y))
     with tempfile.TemporaryDirectory() as folder:
-        steps = pipeline(memory=folder)
-        found = add("search, OrderPSD(memory=folder)", lambda: searched(steps, grid, X, y))
-        assert found.best_score_ == best
-        add("the same in this process again", lambda: searched(steps, grid, X, y))
+        for variant in ("search, OrderPSD(memory=folder)", "the same in another process"):
+            copies = pickle.loads(pickle.dumps(X))  # whose spectra are not in memory
+            kept_by = pipeline(memory=folder)
+            add(variant, partial(searched, kept_by, grid, copies, y))
         kept = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file())
         rows[-1]["MB kept"] = kept / 1e6
-    with tempfile.TemporaryDirectory() as folder:
-        steps = pipeline().set_params(memory=joblib.Memory(folder, verbose=0))
-        add("search, Pipeline(memory=folder)", lambda: part(steps), scale)
-        kept = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file())
-        rows[-1]["MB kept"] = kept * scale / 1e6
-    add("search, no memory", lambda: part(pipeline()), scale)
+    unkept = pipeline(memory=False)
+    add("search, memory=False", lambda: searched(unkept, small, X, y, refit=False), scale)
     return rows
 
 
