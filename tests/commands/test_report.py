@@ -77,20 +77,6 @@ def run(command, *arguments, paths=("new",)):
 REPORT = ("--actions", "actions.toml", "--parts", "parts.toml", "--unit", "unit", "--time", "day")
 
 
-@pytest.mark.slow
-def test_a_folder_of_files_gives_pages_and_an_index(here, capsys):
-    assert run("report", *REPORT) == 0
-    assert capsys.readouterr().out == f"3 reports: {Path('report/index.html')}\n"
-    html = Path("report/A_worn_2.html").read_text(encoding="utf-8")
-    assert "Replace the bearing." in html
-    assert "<td>outer race</td>" in html
-    assert "New: the recording before, of this unit, was &#39;healthy&#39; (day 1)." in html
-    index = Path("report/index.html").read_text(encoding="utf-8")
-    assert (index.count("<a href="), index.count('<a href="./fleet.html">')) == (4, 1)
-    fleet = Path("report/fleet.html").read_text(encoding="utf-8")
-    assert re.search(r"\.html\">A</a></td>.*?worn", fleet, re.DOTALL)
-
-
 def test_earlier_results_state_since_when(here):
     table = {"recording": ["old/A_worn_0.npz", "old/A_worn_1.npz"], "decision": ["healthy", "worn"]}
     pd.DataFrame(table).to_csv("earlier.csv", index=False)

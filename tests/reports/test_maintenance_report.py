@@ -94,20 +94,6 @@ def test_no_page_has_nats_or_a_probability_of_one(folder):
         assert not re.search(r"\bnats?\b|1\.000|100 %", text)
 
 
-def test_the_index_lists_decision_since_action_and_doubt_the_most_urgent_first(folder):
-    html = (folder / "index.html").read_text(encoding="utf-8")
-    assert parsed(html).links == [f"./recording_{n}.html" for n in (1, 2, 0)]
-    rows = [
-        parsed(row).text.split() for row in re.findall(r'<tr class="\w+"><td>.*?</tr>', html, re.S)
-    ]
-    listed = [" ".join(row) for row in rows]
-    assert listed[2].startswith("recording 0 healthy A cycle 100 healthy")
-    assert listed[0].startswith("recording 1 fault A cycle 300 outer race Since cycle 200, in 2")
-    assert listed[0].endswith('Replace <6205> & "seal".')
-    assert listed[1] == "recording 2 undecided A cycle 400 no decision (check the measurement)"
-    assert not any("check the measurement" in row for row in listed[::2])
-
-
 def test_a_saved_model_states_its_note_and_digest(tmp_path):
     pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
     save_model(bins_model(), tmp_path / "model.emacm", note="bench <3>")

@@ -356,15 +356,6 @@ def test_facts_of_recording_and_model_are_stated():
     assert "not saved" in facts["Model"]
 
 
-def test_actions_are_those_of_the_table():
-    actions = {"outer race": "Replace it.", "inspect": "Look."}
-    found = page(bins_model(), recording("outer race", 99), actions=actions)
-    assert found.action == "Replace it."
-    found = page(bins_model(), recording("healthy", 97), actions=actions)
-    assert found.action == "none is given for this decision"
-    assert page(bins_model(), recording("healthy", 97)).action == ""
-
-
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
