@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import Any
@@ -13,8 +13,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm._checks import check_signal, located
+from emacm._statements import warn
+from emacm.files.even_times import EvenTimes, Times, even_times
 from emacm.files.layout import Layout, constant_speed
-from emacm.files.sample_times import dates_of, rate_of_times, seconds_of, time_unit
+from emacm.files.sample_times import dates_of, seconds_of, time_unit, unit_that_fits
 from emacm.recordings.names import (
     is_shaft_name,
     is_time_name,
@@ -28,6 +30,9 @@ from emacm.shaft.tacho import angle_from_tacho
 
 _RATES = {"fs", "sfreq", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency"}
 _RATES |= {"abtastrate"}
+# Values that loggers write for missing ones: of 16 and 32 bits, of nines, and of SCPI.
+_CODES = {-(2.0**15), 2.0**15 - 1, 2.0**16 - 1, -(2.0**31), 2.0**31 - 1, 9.91e37}
+_CODES |= {sign * (10.0**digits - 1) for sign in (1, -1) for digits in (3, 4, 5, 6)}
 
 
 class RefusedFileError(ValueError):
@@ -54,6 +59,12 @@ class FileColumns:
         When the recording started, if the file states it other than by a column of times.
     starts : dict of str to float
         When columns start, where the file states it, from any common instant [s].
+    times : dict of str to ndarray of shape (n_times,)
+        Times of the samples of columns that have times of their own, from 0 [s].
+    defects : dict of str to str
+        Why columns cannot be used, as "has ...".
+    is_relative : bool
+        Whether values are parts of a full scale that is not stated.
     """
 
     columns: dict[str, NDArray[Any]] = field(default_factory=dict)
@@ -63,6 +74,15 @@ class FileColumns:
     ignored: dict[str, str] = field(default_factory=dict)
     start: pd.Timestamp | None = None
     starts: dict[str, float] = field(default_factory=dict)
+    times: dict[str, Times] = field(default_factory=dict)
+    defects: dict[str, str] = field(default_factory=dict)
+    is_relative: bool = False
+
+    def put(self, name: str, values: NDArray[Any]) -> None:
+        """Add a column; one of the same name would be lost, and is refused."""
+        if name in self.columns:
+            raise RefusedFileError(f"two arrays would be the column {name!r}. Rename one of them.")
+        self.columns[name] = values
 
     def take_units_from_names(self) -> None:
         """Take the units out of the names of columns, as in "speed [rpm]"."""
@@ -71,7 +91,7 @@ class FileColumns:
         if len(set(plain.values())) < len(plain):
             return
         self.units = {short: unit for short, unit in parts.values() if unit} | self.units
-        for kind in ("columns", "rates", "units", "numbers", "starts"):
+        for kind in ("columns", "rates", "units", "numbers", "starts", "times", "defects"):
             values = getattr(self, kind).items()
             setattr(self, kind, {plain.get(name, name): value for name, value in values})
 
@@ -172,44 +192,83 @@ def recording_arguments(
     of_second = layout.of_second_file()
     shaft = _shaft_column(content, layout) if of_second is None else None
     channels = _channel_columns(content, layout, times, shaft)
-    rates = rates_of_columns(content, layout, times)
-    _check_starts(content, [*channels.values(), *filter(None, [shaft])], rates)
+    used = [*channels.values(), *([shaft] if shaft in content.columns else [])]
+    for column in used:
+        if column in content.defects:
+            raise ValueError(
+                f"{column!r} {content.defects[column]}. Leave it out: set channels to others of "
+                f"{list(content.columns)}."
+            )
+    rates = rates_of_columns(content, layout, times, used)
+    _check_starts(content, used, rates)
     fs = {
         name: _column_rate(content, layout, rates, column, name)
         for name, column in channels.items()
     }
-    columns = content.columns
-    signals = {name: check_signal(columns[c], f"channel {name!r}") for name, c in channels.items()}
-    units = {
-        name: _agreed_unit(name, layout.unit_of(name, column), content.units.get(column, ""))
-        for name, column in channels.items()
-    }
-    arguments = {
+    signals = {name: _signal(content, c, f"channel {name!r}") for name, c in channels.items()}
+    n_times = {len(values) for values in signals.values()}
+    units: dict[str, str] = {}
+    for name, column in channels.items():
+        scale = layout.scale
+        if isinstance(scale, Mapping):
+            scale = scale.get(name, scale.get(column))
+        unit, known = layout.unit_of(name, column), content.units.get(column, "")
+        units[name] = _agreed_unit(name, unit, known) if scale is None else unit
+        if scale is not None:
+            signals[name] = signals[name] * float(scale)
+        if column in rates:
+            signals[name] = rates[column].resampled(signals[name], f"channel {name!r}")
+    if content.is_relative and any(units.values()) and layout.scale is None:
+        warn("scale", f"full scale of the file is taken as 1 of {units}. State scale in the layout")
+    arguments: dict[str, Any] = {
         "signals": signals,
         "fs": fs,
         "units": {name: unit for name, unit in units.items() if unit},
     }
     highest = max(fs.values())
     if of_second is None or second is None:
-        n_times = {len(values) for values in signals.values()}
-        return arguments | _shaft(content, layout, shaft, rates, highest, n_times)
-    with located("the second file"):
-        shaft = _shaft_column(second, of_second)
-        rates = rates_of_columns(second, of_second, _time_column(second, of_second))
-        motion = _shaft(second, of_second, shaft, rates, highest, set())
-        delay = _delay((content, layout), (second, of_second))
-        longest = max(len(values) / fs[name] for name, values in signals.items())
-        return arguments | _aligned(motion, delay, longest)
+        arguments |= _shaft(content, layout, shaft, rates, highest, n_times)
+    else:
+        with located("the second file"):
+            shaft = _shaft_column(second, of_second)
+            own = rates_of_columns(second, of_second, _time_column(second, of_second), [shaft])
+            motion = _shaft(second, of_second, shaft, own, highest, set())
+            delay = _delay((content, layout), (second, of_second))
+            longest = max(len(values) / fs[name] for name, values in signals.items())
+            arguments |= _aligned(motion, delay, longest)
+    if times and layout.fs is None:
+        speed = float(np.max(np.abs(arguments.get("velocity", 0.0)))) / (2 * np.pi)
+        _check_unit_of_times(content, layout, times, speed)
+    return arguments
 
 
-def _check_starts(content: FileColumns, names: Sequence[str], rates: Mapping[str, float]) -> None:
+def _check_unit_of_times(
+    content: FileColumns, layout: Layout, times: str, speed: float = 0.0
+) -> None:
+    """Refuse times without a stated unit if their rate is not credible in s."""
+    values = content.columns[times]
+    unit = unit_that_fits(
+        values, times, layout.unit_of(times) or content.units.get(times, ""), speed
+    )
+    if unit:
+        rate = (len(values) - 1) / float(values[-1] - values[0])
+        raise ValueError(
+            f"time column {times!r} gives a rate of {rate:.6g} Hz if it is in s, which is not "
+            f"credible; in {unit} it is {rate / unit_factor(unit, 'time'):.6g} Hz. State its unit "
+            f"in the layout, as in units = {{{times} = {unit!r}}}."
+        )
+
+
+def _check_starts(
+    content: FileColumns, names: Sequence[str], rates: Mapping[str, EvenTimes]
+) -> None:
     """Refuse columns that start more than a sample apart."""
     starts = {name: content.starts[name] for name in names if name in content.starts}
     if not starts:
         return
     latest, earliest = max(starts, key=starts.__getitem__), min(starts, key=starts.__getitem__)
     apart = starts[latest] - starts[earliest]
-    if apart > 1e-3 + 1 / min(rates.get(name, 1000.0) for name in starts):
+    if apart > 1e-3 + 1 / min(rates.get(name, EvenTimes(1000.0)).rate for name in starts):
         raise ValueError(
             f"{latest!r} starts {apart:.6g} s later than {earliest!r}. Cut both to one start."
         )
@@ -273,21 +332,24 @@ def start_of(content: FileColumns, layout: Layout) -> pd.Timestamp | None:
     start = None if layout.time is False else content.start
     if name is not None and content.columns[name].dtype.kind not in "iuf":
         start = dates_of(content.columns[name][:1], name).iloc[0]
+    elif name is not None and 9e8 < (time_of_sample(content, layout, 0) or 0) < 4e9:  # since 1970
+        start = pd.Timestamp(time_of_sample(content, layout, 0), unit="s")
     if start is None or start.year == 1970:  # of a time of day, or of a clock that was not set
         return None
     return start if start.tzinfo is None else start.tz_convert(None)
 
 
 def _check_units(content: FileColumns, layout: Layout, second: FileColumns | None) -> None:
-    """Refuse the unit of a name that occurs nowhere: mistyped, it would not be applied."""
+    """Refuse unit or scale of a name that occurs nowhere: mistyped, it would not be applied."""
+    scale = layout.scale if isinstance(layout.scale, Mapping) else {}
     parts = [layout.fs, layout.time, layout.channels, layout.velocity, layout.angle, layout.tacho]
-    for name in layout.units:
+    for name in (*layout.units, *scale):
         is_named = re.search(rf"(?<!\w){re.escape(name)}(?!\w)", str(parts))
         may_lack = name in ("velocity", "speed", "angle") or is_time_name(name)
         is_known = content.has(name) or (second is not None and second.has(name))
         if not (is_named or may_lack or is_known):
             raise ValueError(
-                f"units names {name!r}, which is no column or channel; the columns are "
+                f"{'units' if name in layout.units else 'scale'} names {name!r}, which is no column or channel; the columns are "
                 f"{list(content.columns)}. Correct the name, or leave it out."
             )
 
@@ -354,8 +416,10 @@ def _channel_columns(
     return {name: name for name in rest}
 
 
-def rates_of_columns(content: FileColumns, layout: Layout, times: str | None) -> dict[str, float]:
-    """Return sampling rates by column [Hz], from the file and its column of times.
+def rates_of_columns(
+    content: FileColumns, layout: Layout, times: str | None, names: Iterable[str | None]
+) -> dict[str, EvenTimes]:
+    """Return sampling rates by column, from the file, its column of times, or own times.
 
     The rate of a single column comes first, then that of its group, then that of the times. Where
     a layout states rates of single columns, that of a group is only their default.
@@ -368,10 +432,13 @@ def rates_of_columns(content: FileColumns, layout: Layout, times: str | None) ->
         What it states of rates, times and units.
     times : str or None
         Column of times.
+    names : iterable of str or None
+        The columns; those of others are not judged.
 
     Returns
     -------
-    dict of str to float
+    dict of str to EvenTimes
+        Without the columns of which nothing states a rate.
 
     Raises
     ------
@@ -380,19 +447,36 @@ def rates_of_columns(content: FileColumns, layout: Layout, times: str | None) ->
 
     Examples
     --------
-    >>> rates_of_columns(FileColumns({"b": [0.0, 1.0]}, numbers={"fs": 25.0}), Layout(), None)
-    {'b': 25.0}
+    >>> content = FileColumns({"b": [0.0, 1.0]}, numbers={"fs": 25.0})
+    >>> rates_of_columns(content, Layout(), None, ["b"])
+    {'b': EvenTimes(rate=25.0, uneven=None)}
     """
     of_groups, own = _stated_rates(content)
     stated = own if isinstance(layout.fs, Mapping) else of_groups | own
-    if times is None:
-        return stated
-    values = content.columns[times]
+    fs = layout.fs if isinstance(layout.fs, float | int) else None
+    found: dict[str, EvenTimes] = {}
+    shared: EvenTimes | None = None
+    for name in (name for name in names if name in content.columns):
+        if name in content.times and layout.time is not False:
+            found[name] = even_times(content.times[name], name, fs, resample=layout.resample)
+        elif times and len(content.columns[name]) == len(content.columns[times]):
+            shared = shared or _shared_times(content, layout, times, fs or stated.get(times))
+            found[name] = shared
+        if name in stated:
+            found[name] = EvenTimes(stated[name], found.get(name, EvenTimes(0.0)).uneven)
+    return found
+
+
+def _shared_times(content: FileColumns, layout: Layout, times: str, fs: float | None) -> EvenTimes:
+    """Return the rate of the column of times."""
     unit = layout.unit_of(times) or content.units.get(times, "")
-    fs = layout.fs if isinstance(layout.fs, float | int) else stated.get(times)
-    rate = rate_of_times(seconds_of(values, unit, times), times, fs)
-    same = [name for name, other in content.columns.items() if len(other) == len(values)]
-    return dict.fromkeys(same, rate) | stated
+    values = content.columns[times]
+    is_number = values.dtype.kind in "iuf"
+    size = unit_factor(time_unit(times, unit), "time") if is_number else 1.0
+    seconds = seconds_of(values, unit, times)
+    if fs is None:
+        _check_unit_of_times(content, layout, times)
+    return even_times(seconds, times, fs, size=size, resample=layout.resample)
 
 
 def _stated_rates(content: FileColumns) -> tuple[dict[str, float], dict[str, float]]:
@@ -428,13 +512,13 @@ def _is_rate(name: str) -> bool:
 def _column_rate(
     content: FileColumns,
     layout: Layout,
-    rates: Mapping[str, float],
+    rates: Mapping[str, EvenTimes],
     column: str,
     name: str,
     default: float | None = None,
 ) -> float:
     """Return the rate of a column [Hz], which layout and file may both state."""
-    known, stated = rates.get(column), layout.fs
+    known, stated = rates[column].rate if column in rates else None, layout.fs
     if isinstance(stated, Mapping):
         by_name = {split_unit(key)[0]: rate for key, rate in stated.items()}
         stated = by_name.get(name, by_name.get(column))
@@ -458,6 +542,20 @@ def _column_rate(
     return float(rate)
 
 
+def _signal(content: FileColumns, column: str, name: str) -> NDArray[np.floating]:
+    """Return a column that is finite, and without codes for missing values."""
+    values = check_signal(content.columns[column], name)
+    for code in {float(values.min()), float(values.max())} & _CODES:
+        is_code = values == code
+        if not is_code.all() and np.abs(values[~is_code]).max() < abs(code) / 10:
+            raise ValueError(
+                f"{name} has {is_code.sum()} values of {code:g}, first at sample "
+                f"{np.argmax(is_code)}, far from all others: a code for missing values. Cut the "
+                f"recording before it, or repair the gap."
+            )
+    return values
+
+
 def _agreed_unit(name: str, stated: str, known: str) -> str:
     """Return the unit that the layout states, else that of the file."""
     if stated and known and unit_ratio(stated, known) != 1:
@@ -472,7 +570,7 @@ def _shaft(
     content: FileColumns,
     layout: Layout,
     column: str | None,
-    rates: Mapping[str, float],
+    rates: Mapping[str, EvenTimes],
     fs: float,
     n_times: Set[int],
 ) -> dict[str, Any]:
@@ -489,15 +587,19 @@ def _shaft(
     values: Any = content.numbers.get(column)
     rate = fs
     if values is None:
-        values = check_signal(content.columns[column], f"the shaft column {column!r}")
+        values = _signal(content, column, f"the shaft column {column!r}")
         default = fs if len(values) in n_times else None
         rate = _column_rate(content, layout, rates, column, column, default)
     if layout.tacho is not None:
         options = dict(layout.tacho) if isinstance(layout.tacho, Mapping) else {}
         options.pop("column", None)
-        return {"angle": angle_from_tacho(values, rate, **options).angle, "shaft_fs": rate}
-    factor = unit_factor(_shaft_unit(content, layout, column, kind), kind)
-    return {kind: values if factor == 1 else values * factor, "shaft_fs": rate}
+        kind, values = "angle", angle_from_tacho(values, rate, **options).angle
+    elif (factor := unit_factor(_shaft_unit(content, layout, column, kind), kind)) != 1:
+        values = values * factor
+    if column in rates and rates[column].uneven is not None:
+        is_jumping = kind == "angle" and is_wrapped(values)
+        values = rates[column].resampled(angle_from_wrapped(values) if is_jumping else values, "")
+    return {kind: values, "shaft_fs": rate}
 
 
 def _shaft_unit(content: FileColumns, layout: Layout, column: str, kind: str) -> str:

@@ -35,6 +35,7 @@ _UNITS: dict[str, dict[float, tuple[str, ...]]] = {  # of each quantity, by thei
         1e-9: ("ns", "nanoseconds"),
         60.0: ("min", "minute", "minutes"),
         3600.0: ("h", "hour", "hours"),
+        86_400.0: ("d", "day", "days"),
     },
     "acceleration": {1.0: ("m/s^2",), 1e-3: ("mm/s^2",), 9.80665: ("g", "G", "gn")},
     "speed": {1.0: ("m/s",), 1e-3: ("mm/s",), 0.0254: ("in/s", "ips")},

@@ -269,7 +269,6 @@ NOT_READ = {
     "nothing": np.zeros(0),
     "volume": np.zeros((2, 3, 4)),
     "notes": np.array(["a", "b"]),
-    "pauses": np.array([1, 2], "m8[s]"),
 }
 
 
@@ -279,7 +278,6 @@ NOT_READ = {
         ("nothing", "is empty"),
         ("volume", "has 3 dimensions"),
         ("notes", "holds no numbers, but <U"),
-        ("pauses", "holds no numbers, but timedelta64"),
     ],
 )
 def test_an_array_that_cannot_be_a_channel_is_named_with_the_reason(name, reason, tmp_path):
