@@ -1,9 +1,6 @@
-"""Files as loggers and programs write them: times, invalid samples, names, units, stopped writers."""
+"""Files as loggers and programs write them: times, invalid samples, names, stopped writers."""
 
-import json
 import struct
-import tomllib
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,8 +8,8 @@ import pytest
 import scipy.io.wavfile
 
 from emacm import Layout, open_recording
-from emacm._statements import EmacmWarning
 from emacm.__main__ import main
+from emacm._statements import EmacmWarning
 
 RNG = np.random.default_rng(4)
 N = 6000
@@ -212,6 +209,79 @@ def test_times_since_1970_state_the_start(tmp_path):
         write_csv(tmp_path / "a.csv", 1_709_632_800 / size + np.arange(N) * 0.01 / size, TONE)
         recording = open_recording(tmp_path / "a.csv", Layout(velocity=1, units={"time": unit}))
         assert recording.cut(0).start == pd.Timestamp("2024-03-05T10:00:00")
+
+
+# Texts
+
+
+def rows_of(row):
+    return "".join(row(k / 1000, f"{TONE[k]:.5f}") + "\n" for k in range(300))
+
+
+def comma(number):
+    return f"{number:.3f}".replace(".", ",")
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "message"),
+    [
+        ("time,vib", lambda t, x: f"{comma(t)},{x}", "commas are both decimal and between values"),
+        ("time,vib", lambda t, x: f"{comma(t)},{x.replace('.', ',')}", "commas are both decimal"),
+        ("time,vib", lambda t, x: f"{t:.3f},{x.replace('.', ',')}", "commas are both decimal"),
+        ("0,00,0", lambda t, x: f"{comma(t)},{x.replace('.', ',')}", "commas are both decimal"),
+        (
+            "time,vib",
+            lambda t, x: f'"{comma(t)}",{x}',
+            "'vib' has '0.00000' at sample 0, with a dec",
+        ),
+        (
+            "time;vib",
+            lambda t, x: f"{t:.3f};1,234",
+            "'time' has '0.000' at sample 0, with a decimal",
+        ),
+        ("time,vib", lambda t, x: f"{t:.3f}", "rows have one value, as line 2 .* 'time,vib' has"),
+        (
+            "time;vib;b",
+            lambda t, x: f"{t:.3f};{x}",
+            "not name the 2 columns: the rows have 2 values",
+        ),
+        ("time,vib", lambda t, x: f"01/02/2026 08:00:{t:06.3f},{x}", "day and month are not known"),
+    ],
+)
+def test_marks_that_do_not_fit_are_named_for_what_they_are(tmp_path, header, row, message):
+    (tmp_path / "a.csv").write_text(f"{header}\n{rows_of(row)}")
+    refused(tmp_path / "a.csv", message)
+
+
+@pytest.mark.parametrize(
+    "date",
+    [
+        lambda t: f"2026-10-25  02:59:{59.5 + t:06.3f}",
+        lambda t: f"25.10.2026   02:59:{59.5 + t:06.3f}",
+        lambda t: str(pd.Timestamp("2026-10-25T00:59:59.85Z") + pd.Timedelta(f"{t}s")),
+        lambda t: (
+            f"2026-10-25T02:59:{59.85 + t:06.3f}+02:00"
+            if t < 0.15
+            else f"2026-10-25T02:00:{t - 0.15:06.3f}+01:00"
+        ),
+    ],
+    ids=["blanks", "day first", "UTC", "end of summer time"],
+)
+def test_dates_with_blanks_and_changing_offsets_are_read(tmp_path, date):
+    (tmp_path / "a.csv").write_text(f"time,vib\n{rows_of(lambda t, x: f'{date(t)},{x}')}")
+    recording = open_recording(tmp_path / "a.csv", AT_600_RPM)
+    assert recording.fs["vib"] == 1000
+    assert recording.cut(0).start.date().isoformat() == "2026-10-25"
+
+
+@pytest.mark.parametrize("name", ["time", None])
+@pytest.mark.parametrize("index", [pd.to_timedelta, lambda t, unit: pd.to_datetime(t, unit=unit)])
+def test_an_index_of_times_of_a_parquet_file_is_its_time(tmp_path, name, index):
+    library("pyarrow")
+    frame = pd.DataFrame({"vib": TONE}, index=index(np.arange(N), unit="ms"))
+    frame.rename_axis(name).to_parquet(tmp_path / "a.parquet")
+    recording = open_recording(tmp_path / "a.parquet", AT_600_RPM)
+    assert (recording.channels, recording.fs["vib"]) == (("vib",), 1000)
 
 
 # Content that is silently wrong

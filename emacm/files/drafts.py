@@ -14,8 +14,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm._checks import first_non_number
+from emacm.files.column_roles import rates_of_columns
 from emacm.files.even_times import EvenTimes
-from emacm.files.file_columns import FileColumns, rates_of_columns, without_signal
+from emacm.files.file_columns import FileColumns, without_signal
 from emacm.files.layout import Layout, meta_from_name
 from emacm.files.readers import read_columns
 from emacm.files.sample_times import unit_that_fits

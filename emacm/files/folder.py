@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from emacm._checks import located
-from emacm.files.file_columns import recording_arguments, start_of
+from emacm.files.column_roles import recording_arguments, start_of
 from emacm.files.layout import Layout
 from emacm.files.readers import READERS, read_columns
 from emacm.recordings.digests import Recent, digest_of_file

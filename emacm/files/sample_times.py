@@ -129,6 +129,7 @@ def dates_of(values: NDArray[Any], name: str) -> pd.Series:
     values : ndarray of shape (n_times,)
         Dates, or texts such as "2026-11-01T08:01:00.0001", "01.11.2026 08:01:00,0001" (day first)
         or "08:01:00.0001"; where a time of day goes back by more than 12 h, the next day begins.
+        Offsets from UTC may change.
     name : str
         Name of the column, for messages.
 
@@ -149,13 +150,20 @@ def dates_of(values: NDArray[Any], name: str) -> pd.Series:
     dates = texts = pd.Series(values)
     if values.dtype.kind != "M":
         texts = texts.astype(str).str.strip().str.replace(",", ".", regex=False)
+        texts = texts.str.replace(r"\s+", " ", regex=True)
+        if re.match(r"\d\d?/\d\d?/", texts.iloc[0]):
+            raise ValueError(
+                f"time column {name!r} has {texts.iloc[0]!r}, whose day and month are not known. "
+                f"Write 2026-11-01 or 01.11.2026, or {ignore_hint(name)}."
+            )
         if re.match(r"\d\d?:", texts.iloc[0]):
             hours = pd.to_timedelta(texts, errors="coerce")
             midnights = (hours.diff() < pd.Timedelta(hours=-12)).cumsum()
             dates = pd.Timestamp(0) + hours + pd.to_timedelta(midnights, unit="D")
         else:
             texts = texts.str.replace(r"^(\d+)\.(\d+)\.(\d{4})\b", r"\3-\2-\1", regex=True)
-            dates = pd.to_datetime(texts, errors="coerce", format="ISO8601")
+            has_zone = re.search(r"(Z|[+-]\d\d:?\d\d)$", texts.iloc[0]) is not None
+            dates = pd.to_datetime(texts, errors="coerce", format="ISO8601", utc=has_zone)
     if dates.isna().any():
         is_number = np.array([isinstance(value, float) for value in values])
         place = int(np.argmin(is_number) if is_number[0] else np.argmax(dates.isna()))

@@ -17,7 +17,8 @@ from emacm import (
     open_recording,
 )
 from emacm.files import folder as files
-from emacm.files.file_columns import FileColumns, rates_of_columns
+from emacm.files.column_roles import rates_of_columns
+from emacm.files.file_columns import FileColumns
 
 FS = 2048.0
 TIMES = np.arange(3000) / FS
