@@ -108,7 +108,9 @@ def test_a_regular_gap_is_no_lower_rate(tmp_path, suffix, every):
     WRITERS[suffix](path, np.arange(N)[kept] / 1000, TONE[kept])
     refused(path, f"a gap of 0.002 s after sample {every // 2 - 1} .*are missing .one of {every}.")
     recording = open_recording(path, AT_600_RPM, resample=True)
-    with pytest.warns(EmacmWarning, match="channel 'vib' was resampled .* to 1000 Hz; the error"):
+    with pytest.warns(
+        EmacmWarning, match="channel 'vib' was resampled .* to 1000 Hz; samples left"
+    ):
         assert recording.fs["vib"] == 1000
     assert order_of_peak(recording) == pytest.approx(3.6, abs=0.02)
     inner = slice(100, len(recording.signals["vib"]) - 100)
@@ -160,6 +162,27 @@ def test_small_jitter_is_stated_and_resampled_on_request(tmp_path, suffix):
     errors = [np.std((r.signals["vib"][: len(times)] - right)[inner]) for r in (found, even)]
     assert errors[0] > 0.015
     assert errors[1] < 0.002
+
+
+@pytest.mark.parametrize("kind", ["velocity", "angle", "wrapped", "tacho"])
+def test_the_shaft_is_resampled_with_the_channels(tmp_path, kind):
+    angle = 40 * SHUFFLED + np.sin(3 * SHUFFLED)
+    shaft = {
+        "velocity": 40 + 3 * np.cos(3 * SHUFFLED),
+        "angle": angle,
+        "wrapped": angle % (2 * np.pi),
+        "tacho": (angle % (2 * np.pi) < 0.9).astype(float),
+    }[kind]
+    columns = {"time": SHUFFLED, "vib": np.cos(4 * angle), "shaft": shaft}
+    pd.DataFrame(columns).to_csv(tmp_path / "a.csv", index=False)
+    key = "angle" if kind == "wrapped" else kind
+    (tmp_path / "a.toml").write_text(f'{key} = "shaft"\nresample = true\n')
+    recording = open_recording(tmp_path / "a.csv", Layout.from_toml(tmp_path / "a.toml"))
+    with pytest.warns(EmacmWarning, match="channel 'vib' was resampled"):
+        times = SHUFFLED[0] + np.arange(len(recording.velocity)) / 1000
+    right = 40 + 3 * np.cos(3 * times)
+    tolerance = 1.0 if kind == "tacho" else 0.05
+    np.testing.assert_allclose(recording.velocity[400:-400], right[400:-400], atol=tolerance)
 
 
 @pytest.mark.parametrize("digits", [3, 4])

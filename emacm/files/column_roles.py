@@ -88,7 +88,7 @@ def recording_arguments(
         if scale is not None:
             signals[name] = signals[name] * float(scale)
         if column in rates:
-            signals[name] = rates[column].resampled(signals[name], f"channel {name!r}")
+            signals[name] = rates[column].resampled(signals[name], name)
     if content.is_relative and any(units.values()) and layout.scale is None:
         warn("scale", f"full scale of the file is taken as 1 of {units}. State scale in the layout")
     arguments: dict[str, Any] = {
@@ -454,16 +454,17 @@ def _shaft(
         values = _signal(content, column, f"the shaft column {column!r}")
         default = fs if len(values) in n_times else None
         rate = _column_rate(content, layout, rates, column, column, default)
+    even = rates.get(column, EvenTimes(rate))
     if layout.tacho is not None:
         options = dict(layout.tacho) if isinstance(layout.tacho, Mapping) else {}
         options.pop("column", None)
-        kind, values = "angle", angle_from_tacho(values, rate, **options).angle
-    elif (factor := unit_factor(_shaft_unit(content, layout, column, kind), kind)) != 1:
-        values = values * factor
-    if column in rates and rates[column].uneven is not None:
-        is_jumping = kind == "angle" and is_wrapped(values)
-        values = rates[column].resampled(angle_from_wrapped(values) if is_jumping else values, "")
-    return {kind: values, "shaft_fs": rate}
+        pulses = even.resampled(values)
+        return {"angle": angle_from_tacho(pulses, rate, **options).angle, "shaft_fs": rate}
+    factor = unit_factor(_shaft_unit(content, layout, column, kind), kind)
+    values = values if factor == 1 else values * factor
+    if even.uneven is not None and kind == "angle" and is_wrapped(values):
+        values = angle_from_wrapped(values)
+    return {kind: even.resampled(values), "shaft_fs": rate}
 
 
 def _shaft_unit(content: FileColumns, layout: Layout, column: str, kind: str) -> str:

@@ -24,15 +24,15 @@ class EvenTimes(NamedTuple):
     rate: float
     uneven: Times | None = None
 
-    def resampled(self, values: NDArray[np.floating], name: str) -> NDArray[np.floating]:
+    def resampled(self, values: NDArray[np.floating], channel: str = "") -> NDArray[np.floating]:
         """Return values at even times, by a cubic spline where the times are uneven.
 
         Parameters
         ----------
         values : ndarray of shape (n_times,)
             Values at the times of the file.
-        name : str
-            What they are, for the warning; "" for none.
+        channel : str
+            Name for the warning; "" for the motion of the shaft, which is interpolated linearly.
 
         Returns
         -------
@@ -41,18 +41,19 @@ class EvenTimes(NamedTuple):
         Warns
         -----
         EmacmWarning
-            States the error: that of samples which are computed from their neighbours.
+            States the error of every tenth sample if it is left out.
         """
         times = self.uneven
         if times is None:
             return values
-        if name:
-            kept = np.arange(len(times)) % 10 != 1
-            left_out = scipy.interpolate.CubicSpline(times[kept], values[kept])(times[~kept])
-            error = np.sqrt(np.mean((left_out - values[~kept]) ** 2)) / (np.std(values) or 1.0)
-            text = f"{name} was resampled from uneven times to {self.rate:.9g} Hz; the error is "
-            warn("times", f"{text}below {error:.2g} of its standard deviation (samples left out).")
         even = np.arange(int(times[-1] * self.rate + 1e-6) + 1) / self.rate
+        if not channel:
+            return np.interp(even, times, values)
+        kept = np.arange(len(times)) % 10 != 1
+        left_out = scipy.interpolate.CubicSpline(times[kept], values[kept])(times[~kept])
+        error = np.sqrt(np.mean((left_out - values[~kept]) ** 2)) / (np.std(values) or 1.0)
+        text = f"channel {channel!r} was resampled from uneven times to {self.rate:.9g} Hz; samples"
+        warn("times", f"{text} left out were found within {error:.2g} of its standard deviation.")
         return scipy.interpolate.CubicSpline(times, values)(even)
 
 
@@ -147,13 +148,9 @@ def even_times(
         text = f"are rounded to {tick:.6g} s: the rate is {grid.rate:.9g} Hz within {open_part:.1g}"
         warn("times", f"times {name!r} {text} of it. State fs if it is known better.")
     elif fs is None and not is_rounded and grid.jitter > 0.005:
-        text = (
-            f"jitter by {grid.jitter:.1%} of a sampling interval (rms), and are taken as even at "
-        )
-        text += (
-            f"{grid.rate:.9g} Hz: an error of {np.pi * grid.jitter:.0%} near half this rate. Set "
-        )
-        warn("times", f"times {name!r} {text}resample = true if samples were taken at these times.")
+        text = f"jitter by {grid.jitter:.1%} of a sampling interval (rms), and are taken as even at"
+        text += f" {grid.rate:.9g} Hz: an error of {np.pi * grid.jitter:.0%} near half this rate. "
+        warn("times", f"times {name!r} {text}Set resample = true if they are those of the samples.")
     return EvenTimes(grid.rate)
 
 
