@@ -185,16 +185,32 @@ def test_the_shaft_is_resampled_with_the_channels(tmp_path, kind):
     np.testing.assert_allclose(recording.velocity[400:-400], right[400:-400], atol=tolerance)
 
 
-@pytest.mark.parametrize("digits", [3, 4])
-@pytest.mark.parametrize("fs", [512, 640, 700, 1024, 1652, 2048, 12_800])
+@pytest.mark.parametrize("digits", [3, 4, 6, 12])
+@pytest.mark.parametrize("fs", [25.6, 512, 640, 700, 1024, 1652, 2048, 12_800, 48_828.125])
 def test_rounded_times_give_the_rate_and_its_uncertainty(tmp_path, fs, digits):
-    write_csv(tmp_path / "a.csv", np.round(np.arange(20_000) / fs, digits), np.zeros(20_000))
+    times = np.round(3.7 + np.arange(50_000) / fs, digits)
+    write_csv(tmp_path / "a.csv", times, np.zeros(50_000))
     recording = open_recording(tmp_path / "a.csv", AT_600_RPM)
-    uncertain = 10.0**-digits / (20_000 / fs)
-    if uncertain > 1e-5:
-        with pytest.warns(EmacmWarning, match=rf"rounded to 0.0*1 s: the rate is {fs} Hz within"):
-            assert recording.fs["vib"] == fs
-    assert recording.fs["vib"] == fs
+    if fs > 500 and 10.0**-digits / (50_000 / fs) > 1e-5:
+        with pytest.warns(EmacmWarning, match=r"rounded to 0.0*1 s: the rate is .* within"):
+            assert recording.fs["vib"] == pytest.approx(fs, rel=2e-4)
+    else:
+        assert recording.fs["vib"] == pytest.approx(fs, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("times", "fs", "message"),
+    [
+        (np.arange(N) / 500, 480, "not evenly spaced at 480 Hz: its mean rate is 500 Hz"),
+        (np.arange(N)[::-1] / 500, None, "does not increase at sample 1"),
+        (np.where(np.arange(N) == 30, np.nan, np.arange(N)), None, "got nan at sample 30"),
+    ],
+)
+def test_times_that_contradict_the_layout_or_are_none_are_refused(tmp_path, times, fs, message):
+    write_npz(tmp_path / "a.npz", times, TONE)
+    refused(tmp_path / "a.npz", message, Layout(fs=fs, velocity="600 rpm"))
+    ignoring = Layout(fs=500, velocity="600 rpm", time=False)
+    assert open_recording(tmp_path / "a.npz", ignoring).channels == ("vib",)
 
 
 def test_one_rate_or_missing_samples_is_for_the_layout_to_state(tmp_path):
@@ -230,6 +246,8 @@ def test_a_rate_below_the_speed_of_the_shaft_is_not_credible(tmp_path):
 def test_times_since_1970_state_the_start(tmp_path):
     for size, unit in ((1.0, "s"), (1e-3, "ms")):
         write_csv(tmp_path / "a.csv", 1_709_632_800 / size + np.arange(N) * 0.01 / size, TONE)
+        if unit != "s":
+            refused(tmp_path / "a.csv", "cannot be in s. State its unit, as .*'ms'")
         recording = open_recording(tmp_path / "a.csv", Layout(velocity=1, units={"time": unit}))
         assert recording.cut(0).start == pd.Timestamp("2024-03-05T10:00:00")
 
@@ -396,6 +414,13 @@ def test_no_channel_is_lost_where_names_collide(tmp_path):
     assert found.channels == ("vib.0", "vib.1", "vib.2")
     np.testing.assert_allclose(found.signals["vib.1"], 2 * TONE)
     assert open_recording(tmp_path / "a.uff", AT_600_RPM).channels == ("x1.0", "x1.1", "x1.2", "b")
+    nptdms = library("nptdms")
+    pairs = (("left", "vib"), ("right", "vib"), ("left", "n"))
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+        rate = {"wf_increment": 0.001}
+        writer.write_segment([nptdms.ChannelObject(*pair, TONE, rate) for pair in pairs])
+    found = open_recording(tmp_path / "a.tdms", AT_600_RPM)
+    assert sorted(found.channels) == ["left/vib", "n", "right/vib"]
     np.savez(tmp_path / "a.npz", **{"v": np.ones((2, 9)), "v.0": np.ones(9)}, fs=10)
     refused(tmp_path / "a.npz", "two arrays would be the column 'v.0'. Rename one")
     with library("h5py").File(tmp_path / "a.mat", "w", userblock_size=512) as file:

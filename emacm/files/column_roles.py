@@ -26,10 +26,6 @@ from emacm.recordings.names import (
 from emacm.shaft.angle import angle_from_wrapped, is_wrapped
 from emacm.shaft.tacho import angle_from_tacho
 
-# Values that loggers write for missing ones: of 16 and 32 bits, of nines, and of SCPI.
-_CODES = {-(2.0**15), 2.0**15 - 1, 2.0**16 - 1, -(2.0**31), 2.0**31 - 1, 9.91e37}
-_CODES |= {sign * (10.0**digits - 1) for sign in (1, -1) for digits in (3, 4, 5, 6)}
-
 
 def recording_arguments(
     content: FileColumns, layout: Layout, second: FileColumns | None = None
@@ -64,20 +60,14 @@ def recording_arguments(
     shaft = _shaft_column(content, layout) if of_second is None else None
     channels = _channel_columns(content, layout, times, shaft)
     used = [*channels.values(), *([shaft] if shaft in content.columns else [])]
-    for column in used:
-        if column in content.defects:
-            raise ValueError(
-                f"{column!r} {content.defects[column]}. Repair the file, or set channels to others "
-                f"of {list(content.columns)}."
-            )
+    signals = {name: _signal(content, c, f"channel {name!r}") for name, c in channels.items()}
+    n_times = {len(values) for values in signals.values()}
     rates = rates_of_columns(content, layout, times, used)
     _check_starts(content, used, rates)
     fs = {
         name: _column_rate(content, layout, rates, column, name)
         for name, column in channels.items()
     }
-    signals = {name: _signal(content, c, f"channel {name!r}") for name, c in channels.items()}
-    n_times = {len(values) for values in signals.values()}
     units: dict[str, str] = {}
     for name, column in channels.items():
         scale = layout.scale
@@ -321,7 +311,7 @@ def rates_of_columns(
     stated = own if isinstance(layout.fs, Mapping) else of_groups | own
     fs = layout.fs if isinstance(layout.fs, float | int) else None
     found: dict[str, EvenTimes] = {}
-    shared: EvenTimes | None = None
+    shared = None
     for name in (name for name in names if name in content.columns):
         if name in content.times and layout.time is not False:
             found[name] = even_times(content.times[name], name, fs, resample=layout.resample)
@@ -407,9 +397,17 @@ def _column_rate(
 
 
 def _signal(content: FileColumns, column: str, name: str) -> NDArray[np.floating]:
-    """Return a column that is finite, and without codes for missing values."""
+    """Return a column that is finite, and without codes for missing values or other defects."""
+    if column in content.defects:
+        raise ValueError(
+            f"{column!r} {content.defects[column]}. Repair the file, or set channels to others of "
+            f"{list(content.columns)}."
+        )
     values = check_signal(content.columns[column], name)
-    for code in {float(values.min()), float(values.max())} & _CODES:
+    # Written by loggers for missing values: limits of 16 and 32 bits, nines, and NaN of SCPI.
+    codes = {-(2.0**15), 2.0**15 - 1, 2.0**16 - 1, -(2.0**31), 2.0**31 - 1, 9.91e37}
+    codes |= {sign * (10.0**digits - 1) for sign in (1, -1) for digits in (3, 4, 5, 6)}
+    for code in {float(values.min()), float(values.max())} & codes:
         is_code = values == code
         if not is_code.all() and np.abs(values[~is_code]).max() < abs(code) / 10:
             raise ValueError(

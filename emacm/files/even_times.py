@@ -135,8 +135,9 @@ def even_times(
     is_rounded &= not equal.any() or not _are_few(equal, ~equal if tick > 1.5e-3 else equal[:0])
     is_filled = resample and not equal.any() and steps.max() < 3.5 * grid.usual
     if not is_rounded and is_filled and (long.any() or grid.jitter > 0.005):
-        n_steps = np.rint(steps / grid.usual).sum()
-        return EvenTimes(fs or float(f"{n_steps / seconds[-1]:.4g}"), seconds)
+        rate = float(f"{np.rint(steps / grid.usual).sum() / seconds[-1]:.4g}")
+        if not fs or abs(fs / rate - 1) < 0.05:  # lower rates would need a filter
+            return EvenTimes(fs or rate, seconds)
     is_even = is_rounded or not (long.any() or equal.any() or grid.jitter > most_jitter)
     if not is_even or not grid.agrees:
         raise ValueError(

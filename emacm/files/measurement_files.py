@@ -7,7 +7,6 @@ import json
 import math
 import os
 import re
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
@@ -16,7 +15,6 @@ from typing import Any, BinaryIO
 import numpy as np
 import pandas as pd
 import scipy  # scipy.io is imported when it is used
-from numpy.typing import NDArray
 
 from emacm._statements import warn
 from emacm.files.file_columns import FileColumns, RefusedFileError
@@ -70,9 +68,7 @@ def add_array(content: FileColumns, name: str, values: Any) -> None:
     elif plain.ndim == 1:
         content.put(name, plain)
         if array.dtype.kind == "c":
-            content.defects[name] = (
-                "is complex, as a spectrum or a response is: no signal over time"
-            )
+            content.defects[name] = "is complex, as a spectrum: it is no signal over time"
     elif plain.ndim == 2:
         rows = plain if plain.shape[0] <= plain.shape[1] else plain.T
         for number, row in enumerate(rows):
@@ -138,19 +134,19 @@ def read_wav(path: Path, content: FileColumns) -> None:
 
 def _repair_lengths(stored: bytearray, path: Path) -> None:
     """Write the lengths of a WAV file that were never written."""
-    unknown, place, frame = (0, 0xFFFFFFFF), 12, 1
+    place, frame = 12, 1
     while stored[place : place + 4] not in (b"data", b""):
         if stored[place : place + 4] == b"fmt ":
             frame = int.from_bytes(stored[place + 20 : place + 22], "little") or 1
         length = int.from_bytes(stored[place + 4 : place + 8], "little")
         place += 8 + length + length % 2
-    lengths = [int.from_bytes(stored[at : at + 4], "little") for at in (4, place + 4)]
-    if lengths[1] in unknown and len(stored) - place - 8 >= frame:
+    of_file, of_samples = (int.from_bytes(stored[at : at + 4], "little") for at in (4, place + 4))
+    if of_samples == 0xFFFFFFFF or of_file == of_samples == 0:
         del stored[len(stored) - (len(stored) - place - 8) % frame :]
         stored[place + 4 : place + 8] = (len(stored) - place - 8).to_bytes(4, "little")
         text = "does not state its length, as a recorder that was stopped leaves it"
         warn("unfinished file", f"{printable(path)}: it {text}; all {len(stored)} bytes are read.")
-    if lengths[0] in unknown or lengths[1] in unknown:
+    if of_file in (0, 0xFFFFFFFF):
         stored[4:8] = (len(stored) - 8).to_bytes(4, "little")
 
 
@@ -255,8 +251,8 @@ def read_hdf5(path: Path, content: FileColumns, *, separator: str = "/") -> None
                 add_array(content, name, _packed(node))
                 for column in {*content.columns, *content.numbers} - before:
                     _add_attributes(content, column, node.attrs, own=True)
-                    missing = np.isnan(content.columns.get(column, 0.0))
-                    if "_FillValue" in node.attrs or "missing_value" in node.attrs:
+                    if {"_FillValue", "missing_value"} & node.attrs.keys():
+                        missing = np.isnan(content.columns.get(column, 0.0))
                         _add_invalid(content, column, missing, "as missing (_FillValue)")
 
 
@@ -265,25 +261,20 @@ def _packed(node: Any) -> Any:
     values, attributes = node[()], node.attrs
     if np.asarray(values).dtype.kind not in "biuf":
         return values
-    codes = [
-        np.ravel(attributes[key]) for key in ("_FillValue", "missing_value") if key in attributes
-    ]
-    if codes:
-        values = np.where(np.isin(values, np.concatenate(codes)), np.nan, values)
+    for key in {"_FillValue", "missing_value"} & attributes.keys():
+        values = np.where(np.isin(values, attributes[key]), np.nan, values)
     for key, change in (("scale_factor", np.multiply), ("add_offset", np.add)):
         if key in attributes:
             values = change(values, float(np.squeeze(attributes[key])))
     return values
 
 
-def _add_invalid(content: FileColumns, name: str, invalid: NDArray[np.bool_], how: str) -> None:
-    """Note the samples of a column that a file marks as invalid."""
-    if np.any(invalid):
-        places = np.flatnonzero(invalid)
-        content.defects[name] = (
-            f"has {len(places)} samples that the file marks {how}, the first is sample "
-            f"{places[0]}, the last {places[-1]}"
-        )
+def _add_invalid(content: FileColumns, name: str, invalid: Any, how: str) -> None:
+    """Note the samples of a column that a file marks as invalid, by a mask or None."""
+    places = np.flatnonzero([] if invalid is None else invalid)
+    if len(places):
+        found = f"{len(places)} samples that the file marks {how}, the first is sample {places[0]}"
+        content.defects[name] = f"has {found}, the last {places[-1]}"
 
 
 def read_tdms(path: Path, content: FileColumns) -> None:
@@ -391,13 +382,9 @@ def read_uff(path: Path, content: FileColumns) -> None:
         warn("unfinished file", f"{printable(path)}: {text}.")
     sets = pyuff.UFF(str(path)).read_sets()
     sets = sets if isinstance(sets, list) else [sets]
-    numbered = {n: one for n, one in enumerate(sets) if one.get("type") == 58}
-    ids = [str(one.get("id1", "")).strip() for one in numbered.values()]
-    names = [
-        f"x{n}" if name.upper() in ("", "NONE") else name
-        for n, name in zip(numbered, ids, strict=True)
-    ]
-    for name, one in zip(distinct(names), numbered.values(), strict=True):
+    ids = {n: str(one.get("id1", "")).strip() for n, one in enumerate(sets) if one["type"] == 58}
+    names = [f"x{n}" if name.upper() in ("", "NONE") else name for n, name in ids.items()]
+    for name, one in zip(_distinct(names), [sets[n] for n in ids], strict=True):
         n_times = int(one.get("num_pts") or len(one["data"]))
         add_array(content, name, one["data"][:n_times])
         axis = _ABSCISSAS.get(one.get("abscissa_spec_data_type"), "")
@@ -405,9 +392,7 @@ def read_uff(path: Path, content: FileColumns) -> None:
             axis = axis or f"another quantity (type of function {one['func_type']})"
             content.defects[name] = f"is no signal over time, but over {axis}"
         elif len(one["data"]) < n_times:
-            content.defects[name] = (
-                f"has {len(one['data'])} of the {n_times} samples that it states"
-            )
+            content.defects[name] = f"has only {len(one['data'])} of {n_times} stated samples"
         step = float(one.get("abscissa_inc") or 0)
         times = np.asarray(one.get("x", ()), float)[:n_times]
         if one.get("abscissa_spacing") == 1 and step > 0:
@@ -420,20 +405,18 @@ def read_uff(path: Path, content: FileColumns) -> None:
         content.starts[name] = float(one.get("abscissa_min") or 0)
 
 
-def distinct(names: Sequence[str]) -> list[str]:
+def _distinct(names: Sequence[str]) -> list[str]:
     """Return names, of which those that occur several times are numbered.
 
     Examples
     --------
-    >>> distinct(["a", "b", "a"])
+    >>> _distinct(["a", "b", "a"])
     ['a.0', 'b', 'a.1']
     """
-    counts, seen = Counter(names), Counter[str]()
-    found = []
-    for name in names:
-        found.append(f"{name}.{seen[name]}" if counts[name] > 1 else name)
-        seen[name] += 1
-    return found
+    return [
+        f"{name}.{names[:n].count(name)}" if names.count(name) > 1 else name
+        for n, name in enumerate(names)
+    ]
 
 
 def read_mdf(path: Path, content: FileColumns) -> None:
@@ -446,22 +429,17 @@ def read_mdf(path: Path, content: FileColumns) -> None:
         content.start = pd.Timestamp(file.start_time)
         groups = [group.channel_group for group in file.groups]
         check_stated_size(path, sum(group.cycles_nr * group.samples_byte_nr for group in groups))
-        signals = [
-            signal
-            for signal in file.iter_channels()
-            if np.asarray(signal.samples).dtype.kind in "biuf" and len(signal.samples) > 1
-        ]
-        for name, signal in zip(distinct([s.name for s in signals]), signals, strict=True):
+        signals = list(file.iter_channels())
+        for name, signal in zip(_distinct([s.name for s in signals]), signals, strict=True):
+            if signal.samples.dtype.kind not in "biuf" or len(signal.samples) < 2:
+                continue
             times = np.asarray(signal.timestamps, float)
-            content.put(name, np.asarray(signal.samples))
+            content.put(name, signal.samples)
             content.starts[name] = float(times[0])
             content.times[name] = times - times[0]
             if signal.unit:
                 content.units[name] = str(signal.unit)
-            if signal.invalidation_bits is not None:
-                _add_invalid(
-                    content, name, np.asarray(signal.invalidation_bits, bool), "as invalid"
-                )
+            _add_invalid(content, name, signal.invalidation_bits, "as invalid")
 
 
 def _roundest_rate(step: float, *, digits: int) -> float:

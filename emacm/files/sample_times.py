@@ -43,7 +43,7 @@ def seconds_of(values: NDArray[Any], unit: str, name: str) -> Times:
                 f"time column {name!r} begins at {values[0]:g}, which cannot be in s. State its "
                 f"unit, as in units = {{{name} = {since!r}}} of the layout, or {ignore_hint(name)}."
             )
-        seconds = values.astype(np.float64) * factor
+        seconds = (values - values[:1]).astype(np.float64) * factor  # exact also of ns since 1970
     else:
         dates = dates_of(values, name)
         seconds = (dates - dates.iloc[0]).dt.total_seconds().to_numpy()

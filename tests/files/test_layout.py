@@ -169,52 +169,6 @@ def test_what_is_missing_or_contradicts_is_refused_with_a_remedy(
     refused(tmp_path, layout, message, **first, **columns)
 
 
-# Times
-
-
-@pytest.mark.parametrize("fs", [12_000, 1000, 700, 25.6, 51_200, 48_828.125])
-@pytest.mark.parametrize("digits", [3, 6, 12])
-@pytest.mark.filterwarnings("ignore:times 'time' are rounded")
-def test_rounded_times_give_the_rate(tmp_path, fs, digits):
-    if fs * 10.0**-digits > 20:
-        pytest.skip("several samples have one time for longer than the record resolves")
-    times = np.round(3.7 + np.arange(20_000) / fs, digits)
-    recording = opened(tmp_path, Layout(velocity=3), time=times, b=np.zeros(20_000))
-    assert recording.fs["b"] == pytest.approx(fs, rel=2e-4 if digits == 3 else 1e-6)
-    assert recording.channels == ("b",)
-
-
-GAP = np.delete(np.arange(N + 1) / 500, 77)
-JITTER = np.arange(N) / 500 + np.where(np.arange(N) % 2, 0.0005, 0)
-
-
-@pytest.mark.parametrize(
-    ("times", "fs", "message"),
-    [
-        (GAP, None, r"a gap of 0.004 s after sample 76"),
-        (JITTER, None, "not evenly spaced .* after sample"),
-        (JITTER, 500, "not evenly spaced at 500 Hz"),
-        (np.arange(N)[::-1] / 500, None, "does not increase at sample 1"),
-        (np.r_[np.arange(N - 1), 3] / 500, None, "does not increase at sample 599"),
-        (
-            np.arange(N) / 500,
-            480,
-            "not evenly spaced at 480 Hz: its mean rate is 500 Hz",
-        ),
-        (
-            np.r_[np.arange(30), 31, 30, np.arange(32, N)] / 500,
-            None,
-            "does not increase at sample 31, 0.06 s",
-        ),
-        (np.where(np.arange(N) == 30, np.nan, np.arange(N)), None, "got nan at sample 30"),
-    ],
-)
-def test_bad_times_are_refused_with_the_sample_and_a_remedy(tmp_path, times, fs, message):
-    refused(tmp_path, Layout(fs=fs, velocity=3), message, time=times, b=VIBRATION)
-    ignoring = Layout(fs=500, velocity=3, time=False)
-    assert opened(tmp_path, ignoring, time=times, b=VIBRATION).channels == ("b",)
-
-
 # Meta
 
 

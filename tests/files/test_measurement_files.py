@@ -64,15 +64,6 @@ def test_hdf5_with_attributes_of_data_sets_and_groups(tmp_path):
     assert open_recording(tmp_path / "a.h5", layout) == expected()
 
 
-def test_hdf5_with_a_rate_for_each_data_set(tmp_path):
-    h5py = library("h5py")
-    with h5py.File(tmp_path / "a.hdf5", "w") as file:
-        file.create_dataset("vib", data=VIB).attrs["fs"] = 3000.0
-        file.create_dataset("speed", data=SPEED[::3]).attrs["fs"] = 1000.0
-    opened = open_recording(tmp_path / "a.hdf5", LAYOUT)
-    assert (opened.fs["vib"], opened.shaft_fs) == (3000, 1000)
-
-
 def test_mat_7_3_as_matlab_writes_it(tmp_path):
     h5py = library("h5py")
     with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
@@ -89,19 +80,6 @@ def test_mat_7_3_as_matlab_writes_it(tmp_path):
         channels=columns, velocity="run.speed", units={"run.speed": "rpm", "vib": "g", "amp": "A"}
     )
     assert open_recording(tmp_path / "a.mat", layout) == expected()
-
-
-def test_tdms_channels_of_one_name_are_told_apart_by_their_groups(tmp_path):
-    nptdms = library("nptdms")
-    channels = [
-        nptdms.ChannelObject(group, name, values, {"wf_increment": 0.25})
-        for group, name, values in (("left", "vib", VIB), ("right", "vib", AMP), ("left", "n", VIB))
-    ]
-    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
-        writer.write_segment(channels)
-    recording = open_recording(tmp_path / "a.tdms", Layout(velocity=3))
-    assert sorted(recording.channels) == ["left/vib", "n", "right/vib"]
-    np.testing.assert_array_equal(recording.signals["right/vib"], AMP)
 
 
 def test_tdms_with_wave_form_properties(tmp_path):
