@@ -224,16 +224,18 @@ def test_one_rate_or_missing_samples_is_for_the_layout_to_state(tmp_path):
 @pytest.mark.parametrize("start", [0.0, 46354.5, 738_000.5])
 @pytest.mark.parametrize("unit", ["d", "h", "ms", "us"])
 def test_times_in_another_unit_are_refused_with_the_unit_that_fits(tmp_path, start, unit, capsys):
-    size = {"d": 86_400, "h": 3600, "ms": 1e-3, "us": 1e-6}[unit]
+    units = {"d": ("days", 86_400), "h": ("hours", 3600), "ms": ("milliseconds", 1e-3)}
+    word, size = (units | {"us": ("microseconds", 1e-6)})[unit]
     write_csv(tmp_path / "a.csv", start + np.arange(N) / 1000 / size, TONE)
     refused(
-        tmp_path / "a.csv", rf"not credible; in {unit} it is 1000.* units = {{time = '{unit}'}}"
+        tmp_path / "a.csv",
+        rf"in {unit} it is 1000.* Are these {word}.* = {{time = '{unit}'}}",
     )
     layout = Layout(velocity="600 rpm", units={"time": unit})
     assert open_recording(tmp_path / "a.csv", layout).fs["vib"] == 1000
     assert main(["inspect", str(tmp_path / "a.csv"), "--draft", str(tmp_path / "a.toml")]) == 0
     assert f'"time" = "{unit}"' in (tmp_path / "a.toml").read_text()
-    assert f"looks like {unit}" in capsys.readouterr().out
+    assert f"these look like {word}" in capsys.readouterr().out
 
 
 def test_a_rate_below_the_speed_of_the_shaft_is_not_credible(tmp_path):
@@ -337,7 +339,7 @@ def write_wav(path, values, dtype="i2"):
 def test_an_integer_wav_file_needs_a_scale_for_its_unit(tmp_path, dtype):
     write_wav(tmp_path / "a.wav", TONE / 4, dtype)
     layout = Layout(velocity="600 rpm", units={"x0": "g"})
-    with pytest.warns(EmacmWarning, match="full scale of the file is taken as 1 of .*scale"):
+    with pytest.warns(EmacmWarning, match="full scale of this WAV file is taken as 1 .*scale"):
         assert open_recording(tmp_path / "a.wav", layout).duration == 6
     for scale in (4, {"x0": 4.0}):
         layout = Layout(velocity="600 rpm", units={"x0": "g"}, scale=scale)

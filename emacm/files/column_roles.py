@@ -22,6 +22,7 @@ from emacm.recordings.names import (
     unit_factor,
     unit_in_name,
     unit_ratio,
+    unit_word,
 )
 from emacm.shaft.angle import angle_from_wrapped, is_wrapped
 from emacm.shaft.tacho import angle_from_tacho
@@ -80,7 +81,8 @@ def recording_arguments(
         if column in rates:
             signals[name] = rates[column].resampled(signals[name], name)
     if content.is_relative and any(units.values()) and layout.scale is None:
-        warn("scale", f"full scale of the file is taken as 1 of {units}. State scale in the layout")
+        text = f"full scale of this WAV file is taken as 1 in the units {units}"
+        warn("scale", f"{text}, as the file states no other. State scale in the layout.")
     arguments: dict[str, Any] = {
         "signals": signals,
         "fs": fs,
@@ -115,8 +117,8 @@ def _check_unit_of_times(
         rate = (len(values) - 1) / float(values[-1] - values[0])
         raise ValueError(
             f"time column {times!r} gives a rate of {rate:.6g} Hz if it is in s, which is not "
-            f"credible; in {unit} it is {rate / unit_factor(unit, 'time'):.6g} Hz. State its unit "
-            f"in the layout, as in units = {{{times} = {unit!r}}}."
+            f"credible; in {unit} it is {rate / unit_factor(unit, 'time'):.6g} Hz. Are these "
+            f"{unit_word(unit)}? State the unit in the layout: units = {{{times} = {unit!r}}}."
         )
 
 

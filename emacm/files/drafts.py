@@ -20,7 +20,7 @@ from emacm.files.file_columns import FileColumns, without_signal
 from emacm.files.layout import Layout, meta_from_name
 from emacm.files.readers import read_columns
 from emacm.files.sample_times import unit_that_fits
-from emacm.recordings.names import is_time_name, printable, unit_factor, unit_in_name
+from emacm.recordings.names import is_time_name, printable, unit_factor, unit_in_name, unit_word
 
 
 @dataclass
@@ -130,7 +130,7 @@ def contents_of(path: Path) -> FileContents:
     remarks: list[str] = []
     stated = columns.units.get(times or "", "")
     if times and (unit := unit_that_fits(columns.columns[times], times, stated)):
-        remarks.append(f"the unit of {times!r}: it looks like {unit}, as its rate is not one of s")
+        remarks.append(f"the unit of {times!r}: these look like {unit_word(unit)}, not s")
         columns.units[times] = unit
     rates: dict[str, EvenTimes] = {}
     for judged in (columns.columns.keys() - columns.times, *({name} for name in columns.times)):

@@ -228,6 +228,17 @@ def unit_factor(unit: str, kind: str) -> float:
     )
 
 
+def unit_word(unit: str) -> str:
+    """Return the word of a unit of time.
+
+    Examples
+    --------
+    >>> unit_word("d"), unit_word("us")
+    ('days', 'microseconds')
+    """
+    return next(names[-1] for names in _UNITS["time"].values() if unit in names)
+
+
 def _sizes(quantity: str) -> dict[str, float]:
     """Return the size of each unit of a quantity."""
     return {_plain(name): size for size, names in _UNITS[quantity].items() for name in names}
