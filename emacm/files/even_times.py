@@ -105,7 +105,7 @@ def even_times(
 
     Examples
     --------
-    >>> even_times(np.round(np.arange(5) / 12_000, 6), "time").rate
+    >>> even_times(np.round(np.arange(12_000) / 12_000, 6), "time").rate
     12000.0
     """
     steps = np.diff(seconds)

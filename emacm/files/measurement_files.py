@@ -297,9 +297,9 @@ def read_tdms(path: Path, content: FileColumns) -> None:
                 content.rates[name] = _roundest_rate(float(properties["wf_increment"]), digits=15)
             if unit := properties.get("unit_string") or properties.get("NI_UnitDescription"):
                 content.units[name] = str(unit)
-            axis = str(properties.get("wf_xunit_string", ""))
-            if axis.lower() not in ("", "s", "sec", "seconds"):
-                content.defects[name] = f"is no signal over time: its x axis is in {axis}"
+            axis = [str(properties.get(key) or "") for key in ("wf_xname", "wf_xunit_string")]
+            if axis[1].lower() not in ("", "s", "sec", "seconds") or "freq" in axis[0].lower():
+                content.defects[name] = f"is no signal over time, but over {' '.join(axis).strip()}"
             elif channel.path in differing:
                 content.defects[name] = differing[channel.path]
             later = pd.Timestamp(start) - content.start if start else pd.Timedelta(0)
@@ -440,6 +440,9 @@ def read_mdf(path: Path, content: FileColumns) -> None:
             if signal.unit:
                 content.units[name] = str(signal.unit)
             _add_invalid(content, name, signal.invalidation_bits, "as invalid")
+            axis, kind = signal.master_metadata or ("time", 1)
+            if kind not in (0, 1):  # none, time
+                content.defects[name] = f"is no signal over time, but over {axis!r}"
 
 
 def _roundest_rate(step: float, *, digits: int) -> float:
