@@ -346,6 +346,8 @@ def test_an_integer_wav_file_needs_a_scale_for_its_unit(tmp_path, dtype):
         recording = open_recording(tmp_path / "a.wav", layout)
         np.testing.assert_allclose(recording.signals["x0"], TONE, atol=3e-4)
         assert recording.units["x0"] == "g"
+    main(["inspect", str(tmp_path / "a.wav"), "--draft", str(tmp_path / "a.toml")])
+    assert "# scale = 1.0  # FILL IN: full scale" in (tmp_path / "a.toml").read_text()
 
 
 def test_a_scale_replaces_the_unit_of_the_file_and_names_a_channel(tmp_path):

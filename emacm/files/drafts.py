@@ -289,6 +289,8 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
         lines.append(f"# fs = {rates}  # FILL IN: sampling rate [Hz]")
     lines.append(f"channels = [{', '.join(map(_as_toml, contents.channels))}]")
     lines += [f"# {_as_toml(name)} is not used: {why}" for name, why in contents.unused.items()]
+    if contents.columns.is_relative:
+        lines.append("# scale = 1.0  # FILL IN: full scale, in the unit of the channels")
     if contents.shaft is None:
         lines.append(
             '# velocity = "1797 rpm"  # FILL IN: a constant speed, or a column, or one of a file'

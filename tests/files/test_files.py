@@ -349,14 +349,3 @@ def test_python_objects_in_a_file_are_not_opened(tmp_path):
     np.savez(tmp_path / "a.npz", b=np.ones(3), note=np.array([{"a": 1}], object))
     with pytest.raises(ValueError, match=r"Object arrays cannot be loaded"):
         assert open_recording(tmp_path / "a.npz", Layout(fs=3, velocity=3)).duration
-
-
-@pytest.mark.parametrize(
-    ("name", "options"),
-    [("t [ms]", {}), ("t", {"units": {"t": "ms"}}), ("t [s]", {"units": {"b": "g"}})],
-)
-def test_times_have_the_unit_that_the_file_or_the_layout_states(tmp_path, name, options):
-    times = np.arange(6) / 50 * (1 if name == "t [s]" else 1000)
-    np.savez(tmp_path / "a.npz", **{name: times, "b": np.arange(6.0)})
-    opened = open_recording(tmp_path / "a.npz", Layout(velocity=3, **options))
-    assert opened.fs["b"] == pytest.approx(50)
