@@ -245,6 +245,16 @@ def test_a_rate_below_the_speed_of_the_shaft_is_not_credible(tmp_path):
     assert open_recording(tmp_path / "a.csv", layout).fs["vib"] == 12.8
 
 
+@pytest.mark.parametrize("name", ["time_us", "t [us]", "Time (ns)", "time [d]", "time_ms"])
+def test_a_unit_in_the_name_of_the_times_is_used(tmp_path, name):
+    size = next(
+        s for u, s in (("us", 1e-6), ("ns", 1e-9), ("[d", 86_400), ("ms", 1e-3)) if u in name
+    )
+    write_csv(tmp_path / "a.csv", np.arange(N) / 1000 / size, TONE, name)
+    recording = open_recording(tmp_path / "a.csv", AT_600_RPM)
+    assert dict(recording.fs) == {"vib": 1000}
+
+
 def test_times_since_1970_state_the_start(tmp_path):
     for size, unit in ((1.0, "s"), (1e-3, "ms")):
         write_csv(tmp_path / "a.csv", 1_709_632_800 / size + np.arange(N) * 0.01 / size, TONE)

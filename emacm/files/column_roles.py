@@ -70,18 +70,20 @@ def recording_arguments(
         for name, column in channels.items()
     }
     units: dict[str, str] = {}
+    unscaled: dict[str, str] = {}
     for name, column in channels.items():
         scale = layout.scale
         if isinstance(scale, Mapping):
             scale = scale.get(name, scale.get(column))
         unit, known = layout.unit_of(name, column), content.units.get(column, "")
-        units[name] = _agreed_unit(name, unit, known) if scale is None else unit
-        if scale is not None:
-            signals[name] = signals[name] * float(scale)
+        if scale is None:
+            units[name] = unscaled[name] = _agreed_unit(name, unit, known)
+        else:
+            units[name], signals[name] = unit, signals[name] * float(scale)
         if column in rates:
             signals[name] = rates[column].resampled(signals[name], name)
-    if content.is_relative and any(units.values()) and layout.scale is None:
-        text = f"full scale of this WAV file is taken as 1 in the units {units}"
+    if content.is_relative and any(unscaled.values()):
+        text = f"full scale of this WAV file is taken as 1 in the units {unscaled}"
         warn("scale", f"{text}, as the file states no other. State scale in the layout.")
     arguments: dict[str, Any] = {
         "signals": signals,

@@ -53,7 +53,8 @@ class EvenTimes(NamedTuple):
         left_out = scipy.interpolate.CubicSpline(times[kept], values[kept])(times[~kept])
         error = np.sqrt(np.mean((left_out - values[~kept]) ** 2)) / (np.std(values) or 1.0)
         text = f"channel {channel!r} was resampled from uneven times to {self.rate:.9g} Hz; samples"
-        warn("times", f"{text} left out were found within {error:.2g} of its standard deviation.")
+        text += f" left out were found within {error:.2g} of its standard deviation."
+        warn("times", text, channel=channel)
         return scipy.interpolate.CubicSpline(times, values)(even)
 
 

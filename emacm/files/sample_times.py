@@ -22,7 +22,7 @@ def seconds_of(values: NDArray[Any], unit: str, name: str) -> Times:
     values : ndarray of shape (n_times,)
         Numbers, or dates and times as in `dates_of`.
     unit : str
-        Unit of numbers; "" stands for s, or for ms if that is a word of the name.
+        Unit of numbers; "" stands for s, or for ms, us or ns if that is a word of the name.
     name : str
         Name of the column, for messages.
 
@@ -94,14 +94,15 @@ def unit_that_fits(values: NDArray[Any], name: str, stated: str, speed: float = 
 
 
 def time_unit(name: str, stated: str) -> str:
-    """Return the unit of a column of times: as stated, else ms if the name says so, else s.
+    """Return the unit of a column of times: as stated, else ms, us or ns of its name, else s.
 
     Examples
     --------
     >>> time_unit("time_ms", ""), time_unit("time", ""), time_unit("time_ms", "us")
     ('ms', 's', 'us')
     """
-    return stated or ("ms" if "ms" in re.findall("[a-z]+", name.lower()) else "s")
+    words = re.findall("[a-z]+", name.lower())
+    return stated or next((word for word in words if word in ("ms", "us", "ns")), "s")
 
 
 def stated_date(value: Any, key: str) -> pd.Timestamp:

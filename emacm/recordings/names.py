@@ -153,7 +153,7 @@ def is_time_name(name: str) -> bool:
     (True, False)
     """
     words = set(_words(name))
-    return bool(words & _TIME_WORDS) and words <= _TIME_WORDS | {"s", "sec", "ms"}
+    return bool(words & _TIME_WORDS) and words <= _TIME_WORDS | {"s", "sec", "ms", "us", "ns"}
 
 
 def is_shaft_name(name: str, unit: str = "") -> bool:
