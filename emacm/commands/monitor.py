@@ -22,8 +22,9 @@ import numpy as np
 from emacm._checks import located
 from emacm._saved import locked, write_whole
 from emacm.commands.stream_records import Record, StreamRecords
+from emacm.files.column_roles import recording_arguments, start_of, time_of_sample
 from emacm.files.csv_files import text_table
-from emacm.files.file_columns import FileColumns, recording_arguments, start_of, time_of_sample
+from emacm.files.file_columns import FileColumns
 from emacm.files.folder import open_recording
 from emacm.files.layout import Layout
 from emacm.history.records import record_of
@@ -46,10 +47,10 @@ def run(options: argparse.Namespace) -> int:
         0; 3 if rows were invalid and skipped.
     """
     layout, model = Layout.from_toml(options.layout), load_model(options.model)
-    if layout.tacho is not None or layout.of_second_file() is not None:
+    if layout.tacho is not None or layout.of_second_file() is not None or layout.resample:
         raise ValueError(
-            "a layout with tacho or a second file needs whole recordings; give a column of FILE as "
-            "velocity or angle."
+            "a layout with tacho, resample or a second file needs whole recordings; give a column "
+            "of FILE as velocity or angle."
         )
     if options.source == "-" and options.state is not None:
         raise ValueError("--state needs a file, as the standard input cannot be read again.")

@@ -130,7 +130,15 @@ class TextTable(NamedTuple):
                 raise RefusedFileError(
                     f"sample {values.index[0]} has {values.iloc[0]} in a column without a name."
                 )
-        content.columns |= {name: _numbers(table[name], self.decimal) for name in table}
+        for name in table:
+            content.columns[name] = _numbers(table[name], self.decimal)
+            texts = ((n, x) for n, x in enumerate(content.columns[name]) if isinstance(x, str))
+            place, text = next(texts, (0, "")) if self.decimal == "," else (0, "")
+            if re.fullmatch(r"[+-]?\d*\.\d+(e[+-]?\d+)?", text, re.IGNORECASE):
+                content.defects[name] = (
+                    f"has {text!r} at sample {place}, with a decimal point, though other numbers "
+                    f"of the file have decimal commas. Write all in one way"
+                )
         content.units |= {n: u for n, u in zip(self.names, self.units, strict=False) if u}
         _add_stated_numbers(content, self.preamble)
 
@@ -165,8 +173,13 @@ def text_table(head: Sequence[str], *, longest: int = 100_000) -> TextTable:
         del filled[0]  # of spreadsheets
     rows = [_row(number, line, separator) for number, line in filled]
     comma = separator in (";", "\t", "|") or any(map(_QUOTED.search, head))
-    names, units, start = _header(rows, comma=comma)
+    names, units, start = _header(rows, comma=comma, separator=separator)
     first = next(row for row in rows if row.number >= start)
+    if separator is None and len(names) == 1 and any(mark in names[0] for mark in _SEPARATORS):
+        raise RefusedFileError(
+            f"its rows have one value, as line {first.number + 1} {first.fields}, but its header "
+            f"{names[0]!r} has several names. Write a value for each."
+        )
     if any(first.fields[len(names) :]):  # of which pandas would leave out what has no name
         raise RefusedFileError(
             f"line {first.number + 1} has {len(first.fields)} values, but there are {len(names)} "
@@ -228,7 +241,9 @@ def _is_number(text: str, *, comma: bool) -> bool:
     return True
 
 
-def _header(rows: Sequence[_Row], *, comma: bool) -> tuple[list[str], list[str], int]:
+def _header(
+    rows: Sequence[_Row], *, comma: bool, separator: str | None
+) -> tuple[list[str], list[str], int]:
     """Return names and units of the columns, and the number of lines above the first data."""
     numeric = [[_is_number(text, comma=comma) for text in row.fields] for row in rows]
     widths = [len(row.fields) for row in rows if not row.is_comment]
@@ -237,10 +252,18 @@ def _header(rows: Sequence[_Row], *, comma: bool) -> tuple[list[str], list[str],
     above = [n for n in range(first) if len(rows[n].fields) == width and not any(numeric[n])]
     named = [n for n in above if all(_filled(rows[n])) and any(_filled(rows[n]))]
     if not named:
-        texts = [row.fields for row in rows[:first] if not row.is_comment]
-        if texts:
+        others = [n for n in range(first) if not rows[n].is_comment]
+        others.sort(key=lambda n: any(numeric[n]))
+        padded = any(re.fullmatch(r"0\d+", text) for row in rows for text in row.fields)
+        if separator == "," and padded:  # as of 0,001
             raise RefusedFileError(
-                f"its header {texts[-1]} does not name the {width} columns. Name each of them."
+                f"its commas are both decimal and between values, as in line {rows[-1].number + 1} "
+                f"{rows[-1].fields}. Write decimal points, or semicolons between values."
+            )
+        if others:
+            raise RefusedFileError(
+                f"its header {rows[others[0]].fields} does not name the {width} columns: the rows "
+                f"have {width} values. Name each of them."
             )
         return [f"x{i}" for i in range(width)], [], rows[first].number
     header = named[-1]

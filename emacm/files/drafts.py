@@ -14,10 +14,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm._checks import first_non_number
-from emacm.files.file_columns import FileColumns, rates_of_columns, without_signal
+from emacm.files.column_roles import rates_of_columns
+from emacm.files.even_times import EvenTimes
+from emacm.files.file_columns import FileColumns, without_signal
 from emacm.files.layout import Layout, meta_from_name
 from emacm.files.readers import read_columns
-from emacm.recordings.names import is_time_name, printable, unit_factor, unit_in_name
+from emacm.files.sample_times import unit_that_fits
+from emacm.recordings.names import is_time_name, printable, unit_factor, unit_in_name, unit_word
 
 
 @dataclass
@@ -125,12 +128,23 @@ def contents_of(path: Path) -> FileContents:
         raise ValueError(without_signal(columns))
     times = next(filter(is_time_name, columns.columns), None)
     remarks: list[str] = []
-    try:
-        rates = rates_of_columns(columns, Layout(), times)
-    except ValueError as error:
-        rates, remarks = rates_of_columns(columns, Layout(), None), [str(error)]
+    stated = columns.units.get(times or "", "")
+    if times and (unit := unit_that_fits(columns.columns[times], times, stated)):
+        remarks.append(f"the unit of {times!r}: these look like {unit_word(unit)}, not s")
+        columns.units[times] = unit
+    rates: dict[str, EvenTimes] = {}
+    for judged in (columns.columns.keys() - columns.times, *({name} for name in columns.times)):
+        try:
+            rates |= rates_of_columns(columns, Layout(), times, judged)
+        except ValueError as error:
+            if judged <= columns.times.keys():
+                columns.defects |= dict.fromkeys(judged, f"cannot be used: {error}")
+                continue
+            remarks.append(str(error))
+            rates |= rates_of_columns(columns, Layout(), None, judged)
     shafts = columns.like_shaft()
-    contents = FileContents(columns, rates, times, next(iter(shafts), None), {}, remarks)
+    by_name = {name: even.rate for name, even in rates.items()}
+    contents = FileContents(columns, by_name, times, next(iter(shafts), None), {}, remarks)
     if contents.shaft is None:
         pulses = {name: count_pulses(v) for name, v in contents.numbers.items() if name != times}
         contents.shaft = next(filter(pulses.get, pulses), None)
@@ -138,6 +152,7 @@ def contents_of(path: Path) -> FileContents:
     for name in (name for name in columns.columns if name not in (*contents.numbers, times)):
         first = first_non_number(columns.columns[name], columns.columns[name])
         contents.unused[name] = f"it does not consist of numbers, got {first}"
+    contents.unused |= {name: f"it {defect}" for name, defect in columns.defects.items()}
     contents.unused |= dict.fromkeys(shafts[1:], "it is named like the motion of a shaft")
     if contents.missing_rates:
         names = ", ".join(contents.missing_rates)
@@ -274,6 +289,8 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
         lines.append(f"# fs = {rates}  # FILL IN: sampling rate [Hz]")
     lines.append(f"channels = [{', '.join(map(_as_toml, contents.channels))}]")
     lines += [f"# {_as_toml(name)} is not used: {why}" for name, why in contents.unused.items()]
+    if contents.columns.is_relative:
+        lines.append("# scale = 1.0  # FILL IN: full scale, in the unit of the channels")
     if contents.shaft is None:
         lines.append(
             '# velocity = "1797 rpm"  # FILL IN: a constant speed, or a column, or one of a file'
@@ -298,7 +315,9 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
 
 def _units(contents: FileContents) -> Iterator[str]:
     """Yield the lines of a draft with the units of shaft and channels."""
-    stated, shaft = contents.columns.units, contents.shaft
+    stated, shaft, times = contents.columns.units, contents.shaft, contents.times
+    if times and (unit := unit_that_fits(contents.columns.columns[times], times, "")):
+        yield f"# {_as_toml(times)} = {_as_toml(unit)}  # FILL IN: its unit; it is not s"
     if shaft is not None and contents.shaft_unit:
         source = "" if stated.get(shaft) == contents.shaft_unit else "  # from its name"
         yield f"{_as_toml(shaft)} = {_as_toml(contents.shaft_unit)}{source}"

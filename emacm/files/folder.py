@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from emacm._checks import located
-from emacm.files.file_columns import recording_arguments, start_of
+from emacm.files.column_roles import recording_arguments, start_of
 from emacm.files.layout import Layout
 from emacm.files.readers import READERS, read_columns
 from emacm.recordings.digests import Recent, digest_of_file
@@ -199,7 +199,9 @@ class FileRecording(Recording):
         return self.content().__getstate__()
 
 
-def open_recording(path: str | os.PathLike[str], layout: Layout) -> FileRecording:
+def open_recording(
+    path: str | os.PathLike[str], layout: Layout, *, resample: bool = False
+) -> FileRecording:
     """Open a recording in a file: its samples are read and checked when they are first needed.
 
     It is a `Recording` like any other, with the same results bit by bit. It is pickled as its
@@ -216,6 +218,8 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> FileRecordin
         mat (7.3), parquet, h5 (hdf5), tdms and uff (unv); with the extra ``mdf``, mf4.
     layout : Layout
         Which columns are channels, time and shaft.
+    resample : bool
+        As in a `Layout`: channels with uneven times are resampled to an even rate.
 
     Returns
     -------
@@ -235,7 +239,9 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> FileRecordin
     Warns
     -----
     EmacmWarning
-        When samples are read: if the last row of a text has no line end; it is left out.
+        When samples are read: if the last row of a text has no line end, and is left out; if times
+        are rounded or jitter so that the rate is not exact, or samples are resampled; if an
+        integer WAV file has a unit and no scale; if a file was not finished by its writer.
 
     See Also
     --------
@@ -256,6 +262,8 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> FileRecordin
     """
     if not isinstance(layout, Layout):
         raise TypeError(f"layout must be a Layout, got {type(layout).__name__}.")
+    if resample:
+        layout = replace(layout, resample=True)
     file = Path(path).absolute()
     with located(printable(file)):
         _, *others = layout.files_of(file)

@@ -101,6 +101,12 @@ class Layout:
     units : mapping of str to str, or sequence of str, optional
         Units of columns or channels, as ``{"speed": "rpm"}`` or ``["speed [rpm]"]``; of a constant
         speed, ``{"velocity": "rpm"}``.
+    scale : float or mapping of str to float, optional
+        By what the values of channels are multiplied to be in their unit, or of each channel: 4.0
+        for a WAV file with a full scale of 4 g, ``{"x0": 10.0}`` for V of a sensor of 0.1 V/g.
+    resample : bool
+        Whether channels with uneven times (jitter, gaps of up to two samples) are resampled to an
+        even rate, by cubic splines; the error is stated. Default: they are refused.
     meta : str, DataFrame or mapping, optional
         Pattern of the file names, as ``"{unit}_{state}_{run:d}.mat"`` (without a suffix, it is
         matched against the name without its suffix; ``:d`` makes an integer, ``:g`` a number), or
@@ -132,6 +138,8 @@ class Layout:
     angle: Any = None
     tacho: Any = None
     units: Any = None
+    scale: Any = None
+    resample: bool = False
     meta: Any = None
 
     def __post_init__(self) -> None:
@@ -147,6 +155,9 @@ class Layout:
         for name, rate in rates.items():
             if not isinstance(rate, str | None):
                 check_number(rate, f"fs of {name!r}" if name else "fs", above=0, unit="Hz")
+        for scale in self.scale.values() if isinstance(self.scale, Mapping) else [self.scale]:
+            if scale is not None:
+                check_number(scale, "scale", above=0)
         if not isinstance(self.channels, Mapping):
             chosen_channels(self.channels, ())
         object.__setattr__(self, "units", _checked_units(self.units))
@@ -213,9 +224,9 @@ class Layout:
             return None
         options = dict(getattr(self, self._second))
         del options["file"]
-        others = {key: options.pop(key, None) for key in ("fs", "time")}
+        others: dict[str, Any] = {key: options.pop(key, None) for key in ("fs", "time")}
         reference = options if self._second == "tacho" else options["column"]
-        return replace(self, channels=None, meta=None, **{self._second: reference}, **others)
+        return replace(self, channels=None, meta=None, **(others | {self._second: reference}))
 
     def files_of(self, path: str | os.PathLike[str]) -> list[Path]:
         """Return a file, followed by the second one with the motion of its shaft, if there is one.
@@ -295,6 +306,7 @@ _FORMS: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "channels": ("names, or map names to names of columns", _are_names),
     "velocity": (f"a number, {_COLUMN}", lambda value: _is_column(value) or _is_number(value)),
     "angle": (_COLUMN, _is_column),
+    "resample": ("True or False", lambda value: isinstance(value, bool)),
     "tacho": (
         f"the name of a column, or a mapping with 'column' of {list(_TACHO)}",
         lambda value: _is_column(value, _TACHO),

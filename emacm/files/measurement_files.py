@@ -6,7 +6,9 @@ import importlib
 import json
 import math
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -14,10 +16,12 @@ import numpy as np
 import pandas as pd
 import scipy  # scipy.io is imported when it is used
 
+from emacm._statements import warn
 from emacm.files.file_columns import FileColumns, RefusedFileError
-from emacm.files.sample_times import rate_of_times
+from emacm.recordings.names import printable
 
 _RATE_KEYS = ("fs", "sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "rate")
+_ABSCISSAS = {8: "displacement", 11: "velocity", 18: "frequency", 19: "rpm", 20: "order"}  # UFF
 _UNIT_KEYS = ("unit", "units", "Unit", "Units")
 
 
@@ -53,16 +57,22 @@ def add_array(content: FileColumns, name: str, values: Any) -> None:
     elif not array.size:
         content.ignored[name] = "is empty"
     elif array.dtype.kind == "M" and array.ndim == 1:
-        content.columns[name] = array
+        content.put(name, array)
+    elif array.dtype.kind == "m" and array.ndim == 1:
+        content.put(name, array / np.timedelta64(1, "s"))
+        content.units[name] = "s"
     elif array.dtype.kind not in "biufc":
         content.ignored[name] = f"holds no numbers, but {array.dtype}"
     elif array.size == 1 and array.dtype.kind != "c":
         content.numbers[name] = float(array.reshape(()))
     elif plain.ndim == 1:
-        content.columns[name] = plain
+        content.put(name, plain)
+        if array.dtype.kind == "c":
+            content.defects[name] = "is complex, as a spectrum: it is no signal over time"
     elif plain.ndim == 2:
         rows = plain if plain.shape[0] <= plain.shape[1] else plain.T
-        content.columns |= {f"{name}.{number}": row for number, row in enumerate(rows)}
+        for number, row in enumerate(rows):
+            add_array(content, f"{name}.{number}", row)
     else:
         content.ignored[name] = f"has {array.ndim} dimensions {array.shape}"
 
@@ -103,18 +113,41 @@ def read_npz(path: Path, content: FileColumns) -> None:
 
 
 def read_wav(path: Path, content: FileColumns) -> None:
-    """Add the channels of a WAV file as x0, x1, ...; full scale is 1."""
-    with open(path, "rb") as file:
-        header = file.read(12)
-    if header[:4] == b"RIFF":
-        _check_complete(path, int.from_bytes(header[4:8], "little") + 7)  # without a padding byte
-    fs, samples = scipy.io.wavfile.read(path)
+    """Add the channels of a WAV file as x0, x1, ...; full scale of integers is 1.
+
+    Lengths that were never written (0, or all bits) are those of a stream, or of a recorder that
+    was stopped: all samples that follow are read, with a warning.
+    """
+    stored = bytearray(path.read_bytes())
+    if stored[:4] == b"RIFF":
+        _repair_lengths(stored, path)
+        _check_complete(path, int.from_bytes(stored[4:8], "little") + 7)  # without a padding byte
+    fs, samples = scipy.io.wavfile.read(BytesIO(stored))
     if samples.dtype.kind in "iu":  # full scale is 1
+        content.is_relative = True
         middle = 128 if samples.dtype == np.uint8 else 0
         samples = (samples.astype(np.float64) - middle) / 2.0 ** (8 * samples.dtype.itemsize - 1)
     table = samples.reshape(len(samples), -1)
     content.columns.update((f"x{i}", np.ascontiguousarray(row)) for i, row in enumerate(table.T))
     content.rates.update(dict.fromkeys(content.columns, float(fs)))
+
+
+def _repair_lengths(stored: bytearray, path: Path) -> None:
+    """Write the lengths of a WAV file that were never written."""
+    place, frame = 12, 1
+    while stored[place : place + 4] not in (b"data", b""):
+        if stored[place : place + 4] == b"fmt ":
+            frame = int.from_bytes(stored[place + 20 : place + 22], "little") or 1
+        length = int.from_bytes(stored[place + 4 : place + 8], "little")
+        place += 8 + length + length % 2
+    of_file, of_samples = (int.from_bytes(stored[at : at + 4], "little") for at in (4, place + 4))
+    if of_samples == 0xFFFFFFFF or of_file == of_samples == 0:
+        del stored[len(stored) - (len(stored) - place - 8) % frame :]
+        stored[place + 4 : place + 8] = (len(stored) - place - 8).to_bytes(4, "little")
+        text = "does not state its length, as a recorder that was stopped leaves it"
+        warn("unfinished file", f"{printable(path)}: it {text}; all {len(stored)} bytes are read.")
+    if of_file in (0, 0xFFFFFFFF):
+        stored[4:8] = (len(stored) - 8).to_bytes(4, "little")
 
 
 def read_mat(path: Path, content: FileColumns) -> None:
@@ -175,10 +208,15 @@ def read_parquet(path: Path, content: FileColumns) -> None:
         if values.dtype == object and len(values) and not isinstance(values[0], str):
             content.ignored[field.name] = f"holds values of the type {field.type}"
             continue
-        content.columns[field.name] = values
+        is_index = field.name.startswith("__index_level_") and values.dtype.kind in "mM"
+        name = "time" if is_index and "time" not in table.column_names else field.name
+        if values.dtype == object:
+            content.columns[name] = values
+        else:
+            add_array(content, name, values)
         for key, value in (field.metadata or {}).items():
             if key.decode() in _UNIT_KEYS:
-                content.units[field.name] = value.decode()
+                content.units[name] = value.decode()
     stored = {k.decode(): v.decode() for k, v in (table.schema.metadata or {}).items()}
     _add_attributes(content, "", stored | json.loads(stored.get("PANDAS_ATTRS", "{}")))
 
@@ -210,16 +248,41 @@ def read_hdf5(path: Path, content: FileColumns, *, separator: str = "/") -> None
                 _add_attributes(content, name + separator, node.attrs)
             elif place[0] != "#" and node.attrs.get("MATLAB_class") not in (b"char", b"cell"):
                 before = {*content.columns, *content.numbers}
-                add_array(content, name, node[()])
+                add_array(content, name, _packed(node))
                 for column in {*content.columns, *content.numbers} - before:
                     _add_attributes(content, column, node.attrs, own=True)
+                    if {"_FillValue", "missing_value"} & node.attrs.keys():
+                        missing = np.isnan(content.columns.get(column, 0.0))
+                        _add_invalid(content, column, missing, "as missing (_FillValue)")
+
+
+def _packed(node: Any) -> Any:
+    """Return the values of an HDF5 data set by the attributes of the CF conventions."""
+    values, attributes = node[()], node.attrs
+    if np.asarray(values).dtype.kind not in "biuf":
+        return values
+    for key in {"_FillValue", "missing_value"} & attributes.keys():
+        values = np.where(np.isin(values, attributes[key]), np.nan, values)
+    for key, change in (("scale_factor", np.multiply), ("add_offset", np.add)):
+        if key in attributes:
+            values = change(values, float(np.squeeze(attributes[key])))
+    return values
+
+
+def _add_invalid(content: FileColumns, name: str, invalid: Any, how: str) -> None:
+    """Note the samples of a column that a file marks as invalid, by a mask or None."""
+    places = np.flatnonzero([] if invalid is None else invalid)
+    if len(places):
+        found = f"{len(places)} samples that the file marks {how}, the first is sample {places[0]}"
+        content.defects[name] = f"has {found}, the last {places[-1]}"
 
 
 def read_tdms(path: Path, content: FileColumns) -> None:
     """Add the channels of a TDMS file; as "group/channel" if a name occurs twice."""
     nptdms = optional_library("nptdms", "TDMS")
     with open(path, "rb") as file:  # which nptdms would leave open if it is damaged
-        _check_complete(path, _end_of_segments(file))
+        _check_complete(path, _end_of_segments(file, path))
+        differing = _differing_segments(file)
         table = nptdms.TdmsFile.open(file)
         channels = [channel for group in table.groups() for channel in group.channels()]
         names = [channel.name for channel in channels]
@@ -234,11 +297,53 @@ def read_tdms(path: Path, content: FileColumns) -> None:
                 content.rates[name] = _roundest_rate(float(properties["wf_increment"]), digits=15)
             if unit := properties.get("unit_string") or properties.get("NI_UnitDescription"):
                 content.units[name] = str(unit)
+            axis = [str(properties.get(key) or "") for key in ("wf_xname", "wf_xunit_string")]
+            if axis[1].lower() not in ("", "s", "sec", "seconds") or "freq" in axis[0].lower():
+                content.defects[name] = f"is no signal over time, but over {' '.join(axis).strip()}"
+            elif channel.path in differing:
+                content.defects[name] = differing[channel.path]
             later = pd.Timestamp(start) - content.start if start else pd.Timedelta(0)
             content.starts[name] = later.total_seconds() + properties.get("wf_start_offset", 0.0)
 
 
-def _end_of_segments(file: BinaryIO) -> int:
+def _differing_segments(file: BinaryIO) -> dict[str, str]:
+    """Return the TDMS channels whose segments do not follow each other at one rate, and why."""
+    reader = importlib.import_module("nptdms.reader")
+    states: dict[str, list[tuple[int, dict[str, Any]]]] = {}
+
+    class Reader(reader.TdmsReader):  # type: ignore[name-defined]
+        """Reads the properties of each segment; nptdms keeps the last ones only."""
+
+        def _update_object_metadata(self, segment: Any) -> None:
+            self.before = {path: one.num_values for path, one in self.object_metadata.items()}
+            super()._update_object_metadata(segment)
+
+        def _update_object_properties(self, found: Any) -> None:
+            for path, properties in (found or {}).items():
+                states.setdefault(path, []).append((self.before.get(path, 0), dict(properties)))
+            super()._update_object_properties(found)
+
+    Reader(file).read_metadata()
+    file.seek(0)
+    differing = {}
+    for path, found in states.items():
+        steps = {float(one["wf_increment"]): None for _, one in found if "wf_increment" in one}
+        starts = [(n, one["wf_start_time"]) for n, one in found if "wf_start_time" in one]
+        if len(steps) > 1:
+            rates = " and ".join(f"{1 / step:.6g}" for step in steps if step)
+            differing[path] = f"has segments with rates of {rates} Hz. Save each as a file"
+        for n, start in starts if steps else ():
+            apart = start.as_datetime64() - starts[0][1].as_datetime64()
+            late = apart / np.timedelta64(1, "s") - (n - starts[0][0]) * min(steps)
+            if apart and abs(late) > 1e-3 + 1.5 * min(steps):
+                differing[path] = (
+                    f"has a segment that starts {late:.6g} s after the end of the one before, at "
+                    f"sample {n}. Save each as a file"
+                )
+    return differing
+
+
+def _end_of_segments(file: BinaryIO, path: Path) -> int:
     """Return the size that a TDMS file should have; leave the file at its start."""
     size, end = file.seek(0, os.SEEK_END), 0
     while end < size:
@@ -247,7 +352,12 @@ def _end_of_segments(file: BinaryIO) -> int:
         if not b"TDSm".startswith(start[:4]):  # a damaged file
             break
         start = start.ljust(28)
-        end += 28 + int.from_bytes(start[12:20], "big" if start[4] & 64 else "little")
+        length = int.from_bytes(start[12:20], "big" if start[4] & 64 else "little")
+        if length == 2**64 - 1:  # of a segment that was being written
+            text = "its last segment was not finished; the samples that are in it are read."
+            warn("unfinished file", f"{printable(path)}: {text}")
+            break
+        end += 28 + length
     file.seek(0)
     return end
 
@@ -262,46 +372,77 @@ def _check_complete(path: Path, stated: int) -> None:
 
 
 def read_uff(path: Path, content: FileColumns) -> None:
-    """Add the data sets of type 58 with evenly spaced times; named by their first line."""
+    """Add the data sets of type 58 over time; named by their first line."""
     pyuff = optional_library("pyuff", "UFF 58")
+    marks = re.findall(rb"    -1(?= *[\r\n]| *$)", path.read_bytes())
+    if len(marks) % 2:
+        text = f"it ends within its data set {len(marks) // 2 + 1}; only those before are read"
+        if len(marks) == 1:
+            raise RefusedFileError("it ends within its first data set. Write it again.")
+        warn("unfinished file", f"{printable(path)}: {text}.")
     sets = pyuff.UFF(str(path)).read_sets()
-    for number, one in enumerate(sets if isinstance(sets, list) else [sets]):
-        if one.get("type") != 58:  # function at nodal degrees of freedom
-            continue
-        name = str(one.get("id1", "")).strip()
-        if name.upper() in ("", "NONE") or name in content.columns:
-            name = f"x{number}"
-        add_array(content, name, one["data"])
+    sets = sets if isinstance(sets, list) else [sets]
+    ids = {n: str(one.get("id1", "")).strip() for n, one in enumerate(sets) if one["type"] == 58}
+    names = [f"x{n}" if name.upper() in ("", "NONE") else name for n, name in ids.items()]
+    for name, one in zip(_distinct(names), [sets[n] for n in ids], strict=True):
+        n_times = int(one.get("num_pts") or len(one["data"]))
+        add_array(content, name, one["data"][:n_times])
+        axis = _ABSCISSAS.get(one.get("abscissa_spec_data_type"), "")
+        if axis or one.get("func_type", 1) not in (0, 1):
+            axis = axis or f"another quantity (type of function {one['func_type']})"
+            content.defects[name] = f"is no signal over time, but over {axis}"
+        elif len(one["data"]) < n_times:
+            content.defects[name] = f"has only {len(one['data'])} of {n_times} stated samples"
         step = float(one.get("abscissa_inc") or 0)
-        times = np.asarray(one.get("x", ()), float)
+        times = np.asarray(one.get("x", ()), float)[:n_times]
         if one.get("abscissa_spacing") == 1 and step > 0:
             content.rates[name] = _roundest_rate(step, digits=6)
         elif len(times) > 1:
-            content.rates[name] = rate_of_times(times - times[0], f"abscissa of {name}")
+            content.times[name] = times - times[0]
         unit = str(one.get("ordinate_axis_units_lab", "")).strip()
         if unit.upper() not in ("", "NONE"):
             content.units[name] = unit
         content.starts[name] = float(one.get("abscissa_min") or 0)
 
 
+def _distinct(names: Sequence[str]) -> list[str]:
+    """Return names, of which those that occur several times are numbered.
+
+    Examples
+    --------
+    >>> _distinct(["a", "b", "a"])
+    ['a.0', 'b', 'a.1']
+    """
+    return [
+        f"{name}.{names[:n].count(name)}" if names.count(name) > 1 else name
+        for n, name in enumerate(names)
+    ]
+
+
 def read_mdf(path: Path, content: FileColumns) -> None:
-    """Add the channels of an MDF 4 file, with rates from their time stamps."""
+    """Add the channels of an MDF 4 file, with their time stamps.
+
+    Channels of one name are numbered, as "name.0".
+    """
     asammdf = optional_library("asammdf", "MDF", extra="mdf")
     with asammdf.MDF(str(path)) as file:
         content.start = pd.Timestamp(file.start_time)
         groups = [group.channel_group for group in file.groups]
         check_stated_size(path, sum(group.cycles_nr * group.samples_byte_nr for group in groups))
-        for signal in file.iter_channels():
-            values = np.asarray(signal.samples)
-            if values.dtype.kind not in "biuf" or len(values) < 2:
+        signals = list(file.iter_channels())
+        for name, signal in zip(_distinct([s.name for s in signals]), signals, strict=True):
+            if signal.samples.dtype.kind not in "biuf" or len(signal.samples) < 2:
                 continue
-            name = signal.name if signal.name not in content.columns else f"{signal.name}.2"
             times = np.asarray(signal.timestamps, float)
-            content.columns[name] = values
+            content.put(name, signal.samples)
             content.starts[name] = float(times[0])
-            content.rates[name] = rate_of_times(times - times[0], f"time stamps of {name}")
+            content.times[name] = times - times[0]
             if signal.unit:
                 content.units[name] = str(signal.unit)
+            _add_invalid(content, name, signal.invalidation_bits, "as invalid")
+            axis, kind = signal.master_metadata or ("time", 1)
+            if kind not in (0, 1):  # none, time
+                content.defects[name] = f"is no signal over time, but over {axis!r}"
 
 
 def _roundest_rate(step: float, *, digits: int) -> float:

@@ -10,9 +10,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm._checks import check_finite
+from emacm.files.even_times import Times, ignore_hint
 from emacm.recordings.names import unit_factor
-
-Times = NDArray[np.float64]
 
 
 def seconds_of(values: NDArray[Any], unit: str, name: str) -> Times:
@@ -23,7 +22,7 @@ def seconds_of(values: NDArray[Any], unit: str, name: str) -> Times:
     values : ndarray of shape (n_times,)
         Numbers, or dates and times as in `dates_of`.
     unit : str
-        Unit of numbers; "" stands for s, or for ms if that is a word of the name.
+        Unit of numbers; "" stands for s, or for ms, us or ns if that is a word of the name.
     name : str
         Name of the column, for messages.
 
@@ -39,11 +38,12 @@ def seconds_of(values: NDArray[Any], unit: str, name: str) -> Times:
     if values.dtype.kind in "iuf":
         factor = unit_factor(time_unit(name, unit), "time")
         if not unit and len(values) and values[0] * factor > 1e11:  # s since 1970: in 5138
+            since = "ms" if values[0] < 1e14 else "us" if values[0] < 1e17 else "ns"
             raise ValueError(
                 f"time column {name!r} begins at {values[0]:g}, which cannot be in s. State its "
-                f"unit, as in units = {{{name!r}: 'ms'}} of the layout, or {_ignore(name)}."
+                f"unit, as in units = {{{name} = {since!r}}} of the layout, or {ignore_hint(name)}."
             )
-        seconds = values.astype(np.float64) * factor
+        seconds = (values - values[:1]).astype(np.float64) * factor  # exact also of ns since 1970
     else:
         dates = dates_of(values, name)
         seconds = (dates - dates.iloc[0]).dt.total_seconds().to_numpy()
@@ -51,15 +51,58 @@ def seconds_of(values: NDArray[Any], unit: str, name: str) -> Times:
     return seconds - seconds[0]
 
 
+def unit_that_fits(values: NDArray[Any], name: str, stated: str, speed: float = 0.0) -> str:
+    """Return the unit in which times give a credible rate; "" if that is s, or one is stated.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n_times,)
+        The times.
+    name, stated : str
+        Name of the column, and its unit; "" if it is not stated.
+    speed : float
+        Highest speed of the shaft [rev/s], 0 if it is not known.
+
+    Returns
+    -------
+    str
+        Among units with a rate of 100 Hz to 1 MHz that is above twice the speed, that with the
+        roundest rate.
+
+    Examples
+    --------
+    >>> unit_that_fits(np.arange(900) / 86.4e6, "t", ""), unit_that_fits(np.arange(900), "t", "")
+    ('d', 'ms')
+    """
+    is_judged = values.dtype.kind in "iuf" and len(values) >= 100  # not a table of a few rows
+    span = float(values[-1] - values[0]) if is_judged else 0.0
+    if not span > 0 or time_unit(name, stated) != "s" or stated:
+        return ""
+    rate = (len(values) - 1) / span
+    units: tuple[str, ...] = ()
+    if rate > 1e6 or span < min(0.1, 1 / speed if speed else 0):
+        units = ("d", "h", "min")
+    elif rate <= max(1.001, 2 * speed):
+        units = ("ms", "us", "ns")
+    rates = {unit: rate / unit_factor(unit, "time") for unit in units}
+    mantissas = {
+        unit: f"{value:.3e}".partition("e")[0].rstrip("0.")
+        for unit, value in rates.items()
+        if max(99, 2 * speed) < value <= 1.001e6
+    }
+    return min(mantissas, key=lambda unit: len(mantissas[unit]), default="")
+
+
 def time_unit(name: str, stated: str) -> str:
-    """Return the unit of a column of times: as stated, else ms if the name says so, else s.
+    """Return the unit of a column of times: as stated, else ms, us or ns of its name, else s.
 
     Examples
     --------
     >>> time_unit("time_ms", ""), time_unit("time", ""), time_unit("time_ms", "us")
     ('ms', 's', 'us')
     """
-    return stated or ("ms" if "ms" in re.findall("[a-z]+", name.lower()) else "s")
+    words = re.findall("[a-z]+", name.lower())
+    return stated or next((word for word in words if word in ("ms", "us", "ns")), "s")
 
 
 def stated_date(value: Any, key: str) -> pd.Timestamp:
@@ -87,6 +130,7 @@ def dates_of(values: NDArray[Any], name: str) -> pd.Series:
     values : ndarray of shape (n_times,)
         Dates, or texts such as "2026-11-01T08:01:00.0001", "01.11.2026 08:01:00,0001" (day first)
         or "08:01:00.0001"; where a time of day goes back by more than 12 h, the next day begins.
+        Offsets from UTC may change.
     name : str
         Name of the column, for messages.
 
@@ -107,102 +151,25 @@ def dates_of(values: NDArray[Any], name: str) -> pd.Series:
     dates = texts = pd.Series(values)
     if values.dtype.kind != "M":
         texts = texts.astype(str).str.strip().str.replace(",", ".", regex=False)
+        texts = texts.str.replace(r"\s+", " ", regex=True)
+        if re.match(r"\d\d?/\d\d?/", texts.iloc[0]):
+            raise ValueError(
+                f"time column {name!r} has {texts.iloc[0]!r}, whose day and month are not known. "
+                f"Write 2026-11-01 or 01.11.2026, or {ignore_hint(name)}."
+            )
         if re.match(r"\d\d?:", texts.iloc[0]):
             hours = pd.to_timedelta(texts, errors="coerce")
             midnights = (hours.diff() < pd.Timedelta(hours=-12)).cumsum()
             dates = pd.Timestamp(0) + hours + pd.to_timedelta(midnights, unit="D")
         else:
             texts = texts.str.replace(r"^(\d+)\.(\d+)\.(\d{4})\b", r"\3-\2-\1", regex=True)
-            dates = pd.to_datetime(texts, errors="coerce", format="ISO8601")
+            has_zone = re.search(r"(Z|[+-]\d\d:?\d\d)$", texts.iloc[0]) is not None
+            dates = pd.to_datetime(texts, errors="coerce", format="ISO8601", utc=has_zone)
     if dates.isna().any():
         is_number = np.array([isinstance(value, float) for value in values])
         place = int(np.argmin(is_number) if is_number[0] else np.argmax(dates.isna()))
         raise ValueError(
             f"time column {name!r} has {values.tolist()[place]!r} at sample {place}, not a time. "
-            f"Repair it, or {_ignore(name)}."
+            f"Repair it, or {ignore_hint(name)}."
         )
     return dates
-
-
-def _ignore(name: str) -> str:
-    return f"state fs, and time = false (in Python: False) to ignore {name!r}"
-
-
-def rate_of_times(seconds: Times, name: str, fs: float | None = None) -> float:
-    """Return the sampling rate of evenly spaced times.
-
-    Parameters
-    ----------
-    seconds : ndarray of shape (n_times,)
-        Times [s].
-    name : str
-        Name of the column, for messages.
-    fs : float, optional
-        Rate [Hz] that they must have.
-
-    Returns
-    -------
-    float
-        `fs`, or the mean rate [Hz], rounded if this agrees with all times.
-
-    Raises
-    ------
-    ValueError
-        If times do not increase, have gaps or jitter of over a tenth of a sampling interval, or
-        contradict `fs`, or are rounded so much that they leave over 1 % of the rate open; the
-        message names the sample.
-
-    Examples
-    --------
-    >>> rate_of_times(np.round(np.arange(5) / 12_000, 6), "time")
-    12000.0
-    """
-    steps = np.diff(seconds)
-    if len(seconds) < 2 or steps.min() < 0 or not steps.any():
-        place = int(np.argmax(steps < 0)) + 1 if len(steps) else 0
-        raise ValueError(
-            f"time column {name!r} does not increase at sample {place}, {seconds[place]:.6g} s. "
-            f"Choose the column of times, sort or cut the recording, or {_ignore(name)}."
-        )
-    rate = float((len(seconds) - 1) / (seconds[-1] - seconds[0]))
-    resolution = _rounding(seconds)
-    n = np.arange(len(seconds))
-    if fs is None and resolution > max(0.01 * seconds[-1], 1.5 / rate):
-        raise ValueError(
-            f"time column {name!r} is rounded to {resolution:g} s, which leaves the sampling rate "
-            f"open: about {rate:.3g} Hz. State fs, and time = false (in Python: False)."
-        )
-    for digits in range(2, 7):  # digits of a round rate
-        nominal = float(f"{rate:.{digits}g}")
-        if fs is None and np.abs(seconds - n / nominal).max() <= resolution + 1e-6 / nominal:
-            return nominal
-    candidate = rate if fs is None else fs
-    if np.abs(seconds - n / candidate).max() <= 0.1 / candidate + resolution:
-        return candidate
-    usual = float(np.median(steps))
-    place = int(np.argmax(np.abs(steps - usual)))
-    raise ValueError(
-        f"time column {name!r} is not evenly spaced at {candidate:.9g} Hz: its mean rate is "
-        f"{rate:.9g} Hz, with a gap of {steps[place]:.6g} s after sample {place} "
-        f"({seconds[place]:.6g} s); usual are {usual:.6g} s. Correct fs, cut the recording at the "
-        f"gap, resample it to even times, or {_ignore(name)}."
-    )
-
-
-def _rounding(seconds: Times) -> float:
-    """Return by how much times are rounded [s]: the coarsest decimal of which all are multiples.
-
-    Where 90 % of the steps are equal, and less than five such decimals, they are exact: the rate is
-    a round one, and the other steps are gaps.
-    """
-    decimal, steps = 1e-9, np.diff(seconds)
-    smallest = float(steps[steps > 0].min())
-    for digits in range(9):
-        multiples = seconds[:1000] * 10.0**digits
-        whole = np.allclose(multiples, np.rint(multiples), rtol=0, atol=1e-3)
-        if whole and smallest * 10.0**digits > 0.9:
-            decimal = 10.0**-digits
-            break
-    usual = float(np.median(steps))
-    are_equal = np.mean(np.abs(steps - usual) < decimal / 2) > 0.9
-    return 0.0 if decimal / 2 < usual < 5 * decimal and are_equal else decimal

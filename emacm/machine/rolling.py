@@ -206,7 +206,7 @@ def _check_rolling(part: Bearing | BallScrew) -> None:
     if angle >= pi / 2:
         raise ValueError(
             f"contact_angle must be below pi/2 rad, got {angle:g}. "
-            f"Convert degrees by math.radians({angle:g})."
+            f"If it is in degrees, write {radians(angle):.6g}."
         )
     check_mounting(part)
 

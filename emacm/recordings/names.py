@@ -35,6 +35,7 @@ _UNITS: dict[str, dict[float, tuple[str, ...]]] = {  # of each quantity, by thei
         1e-9: ("ns", "nanoseconds"),
         60.0: ("min", "minute", "minutes"),
         3600.0: ("h", "hour", "hours"),
+        86_400.0: ("d", "day", "days"),
     },
     "acceleration": {1.0: ("m/s^2",), 1e-3: ("mm/s^2",), 9.80665: ("g", "G", "gn")},
     "speed": {1.0: ("m/s",), 1e-3: ("mm/s",), 0.0254: ("in/s", "ips")},
@@ -152,7 +153,7 @@ def is_time_name(name: str) -> bool:
     (True, False)
     """
     words = set(_words(name))
-    return bool(words & _TIME_WORDS) and words <= _TIME_WORDS | {"s", "sec", "ms"}
+    return bool(words & _TIME_WORDS) and words <= _TIME_WORDS | {"s", "sec", "ms", "us", "ns"}
 
 
 def is_shaft_name(name: str, unit: str = "") -> bool:
@@ -225,6 +226,17 @@ def unit_factor(unit: str, kind: str) -> float:
         f"the unit {unit!r} of the {kind} is not known; known are {str(first)[1:-1]}. State one of "
         f"these in units of the layout, or convert the {kind} to {first[0]}."
     )
+
+
+def unit_word(unit: str) -> str:
+    """Return the word of a unit of time.
+
+    Examples
+    --------
+    >>> unit_word("d"), unit_word("us")
+    ('days', 'microseconds')
+    """
+    return next(names[-1] for names in _UNITS["time"].values() if unit in names)
 
 
 def _sizes(quantity: str) -> dict[str, float]:

@@ -86,9 +86,12 @@ def read_parts(path: Path) -> list[Any]:
                 )
             with located(name):
                 for one in np.ravel(tables):
-                    known = list(signature(kinds[name]).parameters)
+                    known = signature(kinds[name]).parameters
                     if unknown := [key for key in one if key not in known]:
-                        raise ValueError(f"{unknown[0]!r} is not known; possible are {known}.")
+                        raise ValueError(f"{unknown[0]!r} is not known; possible are {[*known]}.")
+                    needed = [key for key, each in known.items() if each.default is each.empty]
+                    if missing := [key for key in needed if key not in one]:
+                        raise ValueError(f"{missing[0]!r} is missing; needed are {needed}.")
                     parts.append(kinds[name](**one))
         if not parts:
             raise ValueError("it holds no part; write a table such as [[Bearing]].")

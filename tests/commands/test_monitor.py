@@ -157,7 +157,7 @@ def test_an_interrupted_run_goes_on_from_its_state(here, capsys, monkeypatch):
 )
 def test_invalid_rows_are_reported_with_their_time_and_skipped(here, capsys, row, message):
     rows = rows_of(True, 20)
-    rows[2345] = "0.5,99999\n"
+    rows[2345] = "0.5,88888\n"
     rows[4200] = row
     (here / "bad.csv").write_text("vib,speed\n" + "".join(rows))
     assert run("--idle", "0", source="bad.csv") == 3

@@ -167,7 +167,7 @@ def test_parts_are_read_by_the_names_of_their_classes(tmp_path):
     assert gear == Gear(17, 43)
     assert orders == {"supply": 6}
     file.write_text("[Bearing]\nn_balls = 9\n")
-    with pytest.raises(TypeError, match=r"Bearing: .*ball_diameter"):
+    with pytest.raises(ValueError, match=r"Bearing: .*ball_diameter"):
         read_parts(file)
     file.write_text("[[Bearing]]\nn_bals = 9\n")
     with pytest.raises(ValueError, match=r"'n_bals' is not known; possible are \['n_balls'"):

@@ -138,7 +138,7 @@ BLANK = "b,c,,,\n" + "1,2,,,\n" * 300  # more rows than are looked at for blank 
         ("b,c\n1,2,5\n3,4\n6,7\n8,9\n", "line 2 has 3 values, but there are 2 columns. Correct"),
         ("b,,c\n1,2,3\n4,5,6\n", r"header \['b', '', 'c'\] does not name the 3 columns"),
         ("time,b\n0,1\n0.5,2\nMean,3\n", "time column 'time' has 'Mean' at sample 2, not a time"),
-        ("b;c\n1,5;1.124\n2,5;1.130\n", "channel 'c' must be numeric, got '1.124' at sample 0"),
+        ("b;c\n1,5;1.124\n2,5;1.130\n", "'c' has '1.124' at sample 0, with a decimal point"),
         (
             "b,c,d\n1,,3\n4,,6\n",
             "channel 'c' must be finite, got nan at sample 0, and has no value at all",

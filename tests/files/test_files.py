@@ -17,7 +17,8 @@ from emacm import (
     open_recording,
 )
 from emacm.files import folder as files
-from emacm.files.file_columns import FileColumns, rates_of_columns
+from emacm.files.column_roles import rates_of_columns
+from emacm.files.file_columns import FileColumns
 
 FS = 2048.0
 TIMES = np.arange(3000) / FS
@@ -307,9 +308,8 @@ def test_numbers_of_a_text_are_read_exactly(tmp_path):
 def test_a_rate_in_a_file_holds_for_the_columns_of_its_group(numbers, units, rates):
     columns = {"b": np.zeros(2), "g/c": np.zeros(2), "own": np.zeros(2)}
     content = FileColumns(columns, {"own": 7.0}, dict(units), dict(numbers))
-    found = rates_of_columns(content, Layout(), None)
-    assert found.pop("own") == 7
-    assert {name: found[name] for name in found} == rates
+    found = rates_of_columns(content, Layout(), None, columns)
+    assert {name: even.rate for name, even in found.items()} == rates | {"own": 7}
 
 
 @pytest.mark.parametrize(
@@ -349,14 +349,3 @@ def test_python_objects_in_a_file_are_not_opened(tmp_path):
     np.savez(tmp_path / "a.npz", b=np.ones(3), note=np.array([{"a": 1}], object))
     with pytest.raises(ValueError, match=r"Object arrays cannot be loaded"):
         assert open_recording(tmp_path / "a.npz", Layout(fs=3, velocity=3)).duration
-
-
-@pytest.mark.parametrize(
-    ("name", "options"),
-    [("t [ms]", {}), ("t", {"units": {"t": "ms"}}), ("t [s]", {"units": {"b": "g"}})],
-)
-def test_times_have_the_unit_that_the_file_or_the_layout_states(tmp_path, name, options):
-    times = np.arange(6) / 50 * (1 if name == "t [s]" else 1000)
-    np.savez(tmp_path / "a.npz", **{name: times, "b": np.arange(6.0)})
-    opened = open_recording(tmp_path / "a.npz", Layout(velocity=3, **options))
-    assert opened.fs["b"] == pytest.approx(50)

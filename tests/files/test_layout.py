@@ -106,22 +106,6 @@ def test_an_angle_may_be_wrapped_and_in_any_unit(tmp_path, unit, period, wrapped
     np.testing.assert_allclose(recording.angle - recording.angle[0], ANGLE - ANGLE[0], atol=1e-9)
 
 
-def test_a_tachometer_gives_the_angle(tmp_path):
-    fs, pulses = 5000, 3
-    angle = 2 * np.pi * 11 * np.arange(4000) / fs
-    tacho = (np.sin(pulses * angle) > 0).astype(float)
-    layout = Layout(fs=fs, tacho={"column": "tacho", "pulses_per_rev": pulses})
-    recording = opened(tmp_path, layout, b=np.zeros(4000), tacho=tacho)
-    assert recording.reference == "angle"
-    np.testing.assert_allclose(recording.velocity[500:-500].mean(), 2 * np.pi * 11, rtol=1e-3)
-
-
-def test_a_shaft_of_its_own_rate(tmp_path):
-    layout = Layout(fs={"b": 500, "speed": 100}, velocity="speed")
-    recording = opened(tmp_path, layout, b=VIBRATION, speed=np.full(N // 5, 7.0))
-    assert (recording.shaft_fs, recording.fs["b"]) == (100, 500)
-
-
 @pytest.mark.parametrize(
     ("layout", "columns", "message"),
     [
@@ -155,7 +139,11 @@ def test_a_shaft_of_its_own_rate(tmp_path):
         (Layout(fs=9, velocity=3, units={"b": "g"}), {"b [m/s²]": ANGLE}, "unit 'g' for 'b', but"),
         (Layout(fs=9, velocity=3, units={"nn": "g"}), {}, r"units names 'nn', which is no column"),
         (Layout(fs=9, velocity=3), {"c": ANGLE[:7]}, "durations must agree"),
-        (Layout(fs=9, velocity=3, channels=["z"]), {"z": ANGLE * 1j}, "channel 'z' must be real"),
+        (
+            Layout(fs=9, velocity=3, channels=["z"]),
+            {"z": ANGLE * 1j},
+            "'z' is complex, as a spectrum",
+        ),
     ],
 )
 def test_what_is_missing_or_contradicts_is_refused_with_a_remedy(
@@ -163,51 +151,6 @@ def test_what_is_missing_or_contradicts_is_refused_with_a_remedy(
 ):
     first = {} if any(name.startswith("b") for name in columns) else {"b": VIBRATION}
     refused(tmp_path, layout, message, **first, **columns)
-
-
-# Times
-
-
-@pytest.mark.parametrize("fs", [12_000, 1000, 700, 25.6, 51_200, 48_828.125])
-@pytest.mark.parametrize("digits", [3, 6, 12])
-def test_rounded_times_give_the_rate(tmp_path, fs, digits):
-    if fs * 10.0**-digits > 20:
-        pytest.skip("several samples have one time for longer than the record resolves")
-    times = np.round(3.7 + np.arange(20_000) / fs, digits)
-    recording = opened(tmp_path, Layout(velocity=3), time=times, b=np.zeros(20_000))
-    assert recording.fs["b"] == pytest.approx(fs, rel=2e-4 if digits == 3 else 1e-6)
-    assert recording.channels == ("b",)
-
-
-GAP = np.delete(np.arange(N + 1) / 500, 77)
-JITTER = np.arange(N) / 500 + np.where(np.arange(N) % 2, 0.0005, 0)
-
-
-@pytest.mark.parametrize(
-    ("times", "fs", "message"),
-    [
-        (GAP, None, r"a gap of 0.004 s after sample 76"),
-        (JITTER, None, "not evenly spaced .* after sample"),
-        (np.r_[JITTER, N / 500], 500, "not evenly spaced at 500 Hz"),
-        (np.arange(N)[::-1] / 500, None, "does not increase at sample 1"),
-        (np.r_[np.arange(N - 1), 3] / 500, None, "does not increase at sample 599"),
-        (
-            np.arange(N) / 500,
-            480,
-            "not evenly spaced at 480 Hz: its mean rate is 500 Hz",
-        ),
-        (
-            np.r_[np.arange(30), 31, 30, np.arange(32, N)] / 500,
-            None,
-            "does not increase at sample 31, 0.06 s",
-        ),
-        (np.where(np.arange(N) == 30, np.nan, np.arange(N)), None, "got nan at sample 30"),
-    ],
-)
-def test_bad_times_are_refused_with_the_sample_and_a_remedy(tmp_path, times, fs, message):
-    refused(tmp_path, Layout(fs=fs, velocity=3), message, time=times, b=VIBRATION)
-    ignoring = Layout(fs=500, velocity=3, time=False)
-    assert opened(tmp_path, ignoring, time=times, b=VIBRATION).channels == ("b",)
 
 
 # Meta

@@ -15,16 +15,6 @@ def written_rows(path, header, columns):
     return path
 
 
-def test_a_time_in_ms_is_known_by_its_name_and_one_since_1970_needs_a_unit(tmp_path):
-    ms, vib = np.arange(50), np.arange(50) % 7
-    layout = Layout(velocity=10.0)
-    path = written_rows(tmp_path / "a.csv", "time_ms,vib", (ms, vib))
-    assert open_recording(path, layout).fs == {"vib": 1000}
-    path = written_rows(tmp_path / "b.csv", "timestamp,vib", (1_709_632_800_000 + ms, vib))
-    with pytest.raises(ValueError, match=r"cannot be in s. State its unit, as in units = "):
-        _ = open_recording(path, layout).fs
-
-
 def test_times_rounded_to_seconds_leave_the_rate_open(tmp_path):
     seconds = np.arange(5000) // 1000
     path = written_rows(tmp_path / "a.csv", "time,vib", (seconds, np.arange(5000) % 7))

@@ -297,7 +297,7 @@ def test_bands_that_overlap_are_refused_or_kept():
         (lambda: Bearing(9, 8.0, 39.0, -0.1), ValueError, "contact_angle .* of rad, at least 0"),
         (lambda: Bearing(20, 8.0, 39.0), ValueError, "20 balls of diameter 8 do not fit"),
         (lambda: Bearing(1, 8.0, 39.0), ValueError, "n_balls must be a whole number of at least 2"),
-        (lambda: Bearing(9, 8.0, 39.0, 15), ValueError, r"Convert degrees by math.radians\(15\)"),
+        (lambda: Bearing(9, 8.0, 39.0, 15), ValueError, "in degrees, write 0.261799"),
         (lambda: Bearing(9, 8.0, 39.0, rotating="cage"), ValueError, "rotating must be one of"),
         (lambda: Bearing(9, 8.0, 39.0, ratio=0), ValueError, "ratio must be a number above 0"),
         (lambda: Bearing(9, 8.0, 39.0, name="a@b"), TypeError, "a string without '@'"),

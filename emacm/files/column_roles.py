@@ -1,0 +1,484 @@
+"""How a layout makes a recording of the columns of a file: channels, rates, shaft, start."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence, Set
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from emacm._checks import check_signal, located
+from emacm._statements import warn
+from emacm.files.even_times import EvenTimes, even_times
+from emacm.files.file_columns import FileColumns, is_rate_name, without_signal
+from emacm.files.layout import Layout, constant_speed
+from emacm.files.sample_times import dates_of, seconds_of, time_unit, unit_that_fits
+from emacm.recordings.names import (
+    is_time_name,
+    split_unit,
+    unit_factor,
+    unit_in_name,
+    unit_ratio,
+    unit_word,
+)
+from emacm.shaft.angle import angle_from_wrapped, is_wrapped
+from emacm.shaft.tacho import angle_from_tacho
+
+
+def recording_arguments(
+    content: FileColumns, layout: Layout, second: FileColumns | None = None
+) -> dict[str, Any]:
+    """Return the arguments of the recording that a layout makes of the columns of a file.
+
+    Parameters
+    ----------
+    content : FileColumns
+        What the file contains.
+    layout : Layout
+        What is channel, time and shaft.
+    second : FileColumns, optional
+        What the second file contains, if the layout names one for the shaft.
+
+    Returns
+    -------
+    dict of str to object
+        As for `Recording`, without `meta`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a column is missing or contradicts the layout, or something is not known: a rate, the
+        shaft, a unit. The message states the remedy.
+    """
+    if not content.columns:
+        raise ValueError(without_signal(content))
+    _check_units(content, layout, second)
+    times = _time_column(content, layout)
+    of_second = layout.of_second_file()
+    shaft = _shaft_column(content, layout) if of_second is None else None
+    channels = _channel_columns(content, layout, times, shaft)
+    used = [*channels.values(), *([shaft] if shaft in content.columns else [])]
+    signals = {name: _signal(content, c, f"channel {name!r}") for name, c in channels.items()}
+    n_times = {len(values) for values in signals.values()}
+    rates = rates_of_columns(content, layout, times, used)
+    _check_starts(content, used, rates)
+    fs = {
+        name: _column_rate(content, layout, rates, column, name)
+        for name, column in channels.items()
+    }
+    units: dict[str, str] = {}
+    unscaled: dict[str, str] = {}
+    for name, column in channels.items():
+        scale = layout.scale
+        if isinstance(scale, Mapping):
+            scale = scale.get(name, scale.get(column))
+        unit, known = layout.unit_of(name, column), content.units.get(column, "")
+        if scale is None:
+            units[name] = unscaled[name] = _agreed_unit(name, unit, known)
+        else:
+            units[name], signals[name] = unit, signals[name] * float(scale)
+        if column in rates:
+            signals[name] = rates[column].resampled(signals[name], name)
+    if content.is_relative and any(unscaled.values()):
+        text = f"full scale of this WAV file is taken as 1 in the units {unscaled}"
+        warn("scale", f"{text}, as the file states no other. State scale in the layout.")
+    arguments: dict[str, Any] = {
+        "signals": signals,
+        "fs": fs,
+        "units": {name: unit for name, unit in units.items() if unit},
+    }
+    highest = max(fs.values())
+    if of_second is None or second is None:
+        arguments |= _shaft(content, layout, shaft, rates, highest, n_times)
+    else:
+        with located("the second file"):
+            shaft = _shaft_column(second, of_second)
+            own = rates_of_columns(second, of_second, _time_column(second, of_second), [shaft])
+            motion = _shaft(second, of_second, shaft, own, highest, set())
+            delay = _delay((content, layout), (second, of_second))
+            longest = max(len(values) / fs[name] for name, values in signals.items())
+            arguments |= _aligned(motion, delay, longest)
+    if times and layout.fs is None:
+        speed = float(np.max(np.abs(arguments.get("velocity", 0.0)))) / (2 * np.pi)
+        _check_unit_of_times(content, layout, times, speed)
+    return arguments
+
+
+def _check_unit_of_times(
+    content: FileColumns, layout: Layout, times: str, speed: float = 0.0
+) -> None:
+    """Refuse times without a stated unit if their rate is not credible in s."""
+    values = content.columns[times]
+    unit = unit_that_fits(
+        values, times, layout.unit_of(times) or content.units.get(times, ""), speed
+    )
+    if unit:
+        rate = (len(values) - 1) / float(values[-1] - values[0])
+        raise ValueError(
+            f"time column {times!r} gives a rate of {rate:.6g} Hz if it is in s, which is not "
+            f"credible; in {unit} it is {rate / unit_factor(unit, 'time'):.6g} Hz. Are these "
+            f"{unit_word(unit)}? State the unit in the layout: units = {{{times} = {unit!r}}}."
+        )
+
+
+def _check_starts(
+    content: FileColumns, names: Sequence[str], rates: Mapping[str, EvenTimes]
+) -> None:
+    """Refuse columns that start more than a sample apart."""
+    starts = {name: content.starts[name] for name in names if name in content.starts}
+    if not starts:
+        return
+    latest, earliest = max(starts, key=starts.__getitem__), min(starts, key=starts.__getitem__)
+    apart = starts[latest] - starts[earliest]
+    if apart > 1e-3 + 1 / min(rates.get(name, EvenTimes(1000.0)).rate for name in starts):
+        raise ValueError(
+            f"{latest!r} starts {apart:.6g} s later than {earliest!r}. Cut both to one start."
+        )
+
+
+def _aligned(motion: dict[str, Any], delay: float, duration: float) -> dict[str, Any]:
+    """Return the shaft reference of a second file from the start of the first one to its end."""
+    (kind, values), (_, rate) = motion.items()
+    if np.ndim(values) == 0:
+        return motion
+    if kind == "angle" and is_wrapped(values):
+        values = angle_from_wrapped(values)
+    place = np.arange(max(2, round(duration * rate))) - round(delay * rate, 3)
+    if place[0] < -1 or place[-1] > len(values):
+        raise ValueError(
+            f"its times, {delay:.6g} to {delay + len(values) / rate:.6g} s after the start of the "
+            f"recording, do not cover its {duration:.6g} s. Cut it, or correct the times."
+        )
+    before = np.clip(np.floor(place).astype(int), 0, len(values) - 2)
+    step = values[before + 1] - values[before]
+    return {kind: values[before] + (place - before) * step, "shaft_fs": rate}
+
+
+def time_of_sample(content: FileColumns, layout: Layout, number: int) -> float | None:
+    """Return the time of a sample by the column of times, if there is one [s].
+
+    That of dates is since 1970, in UTC where they state no time zone.
+    """
+    name = _time_column(content, layout)
+    if name is None:
+        return None
+    value = content.columns[name][number : number + 1]
+    if value.dtype.kind not in "iuf":
+        return dates_of(value, name).iloc[0].timestamp()
+    unit = time_unit(name, layout.unit_of(name) or content.units.get(name, ""))
+    return float(value[0]) * unit_factor(unit, "time")
+
+
+def _delay(first: tuple[FileColumns, Layout], second: tuple[FileColumns, Layout]) -> float:
+    """Return by how much the second file starts later [s]; 0 if one of them states no times."""
+    dates = start_of(*first), start_of(*second)
+    if dates[0] is not None and dates[1] is not None:
+        return (dates[1] - dates[0]).total_seconds()
+    clocks = time_of_sample(*first, 0), time_of_sample(*second, 0)
+    if clocks[0] is None or clocks[1] is None:
+        return 0.0
+    if dates != (None, None) and clocks[0 if dates[0] is None else 1]:
+        raise ValueError(
+            "its times cannot be compared with those of the first file: one of them are dates, the "
+            "others do not begin at 0. State time = false for it if both files start together."
+        )
+    return clocks[1] - clocks[0] if dates == (None, None) else 0.0
+
+
+def start_of(content: FileColumns, layout: Layout) -> pd.Timestamp | None:
+    """Return when a recording started, as its dates or its file state it; None if they do not.
+
+    In UTC if a time zone is stated. Times of day without a date are not known.
+    """
+    name = _time_column(content, layout)
+    start = None if layout.time is False else content.start
+    if name is not None and content.columns[name].dtype.kind not in "iuf":
+        start = dates_of(content.columns[name][:1], name).iloc[0]
+    elif name is not None and 9e8 < (time_of_sample(content, layout, 0) or 0) < 4e9:  # since 1970
+        start = pd.Timestamp(time_of_sample(content, layout, 0), unit="s")
+    if start is None or start.year == 1970:  # of a time of day, or of a clock that was not set
+        return None
+    return start if start.tzinfo is None else start.tz_convert(None)
+
+
+def _check_units(content: FileColumns, layout: Layout, second: FileColumns | None) -> None:
+    """Refuse unit or scale of a name that occurs nowhere: mistyped, it would not be applied."""
+    scale = layout.scale if isinstance(layout.scale, Mapping) else {}
+    parts = [layout.fs, layout.time, layout.channels, layout.velocity, layout.angle, layout.tacho]
+    for name in (*layout.units, *scale):
+        is_named = re.search(rf"(?<!\w){re.escape(name)}(?!\w)", str(parts))
+        may_lack = name in ("velocity", "speed", "angle") or is_time_name(name)
+        is_known = content.has(name) or (second is not None and second.has(name))
+        if not (is_named or may_lack or is_known):
+            option = "units" if name in layout.units else "scale"
+            raise ValueError(
+                f"{option} names {name!r}, which is no column or channel; the columns are "
+                f"{list(content.columns)}. Correct the name, or leave it out."
+            )
+
+
+def _time_column(content: FileColumns, layout: Layout) -> str | None:
+    if layout.time:
+        return content.find(layout.time)
+    named = [] if layout.time is False else [*filter(is_time_name, content.columns)]
+    if len(named) > 1:
+        raise ValueError(f"it has several columns of times: {named}. Set time to one of them.")
+    return named[0] if named else None
+
+
+def _shaft_column(content: FileColumns, layout: Layout) -> str | None:
+    """Return the column (or the number) of the shaft; None for a constant speed."""
+    velocity = layout.velocity
+    if isinstance(velocity, str) and (
+        content.has(velocity) or not constant_speed(content.chosen(velocity))
+    ):
+        return content.find(velocity, numbers=True)
+    if velocity is not None:
+        return None
+    column = layout.angle or layout.tacho_column
+    if column:
+        return content.find(column)
+    similar = content.like_shaft()
+    hint = f"; {similar[0]!r} looks like one" if similar else ""
+    example = similar[0] if similar else "speed"
+    unit = unit_in_name(example) or "rpm"
+    raise ValueError(
+        f"the layout names no shaft reference{hint}. Set velocity = '{example} [{unit}]', or a "
+        f"constant speed such as '1500 rpm', or angle, or tacho; its columns are "
+        f"{list(content.columns)}."
+    )
+
+
+def _channel_columns(
+    content: FileColumns, layout: Layout, times: str | None, shaft: str | None
+) -> dict[str, str]:
+    """Return the column of each channel."""
+    chosen = layout.channels
+    if isinstance(chosen, Mapping):
+        return {name: content.find(column) for name, column in chosen.items()}
+    if chosen is not None:
+        return {split_unit(name.partition("|")[0])[0]: content.find(name) for name in chosen}
+    ignored = {times, shaft}
+    if layout.time is False:
+        ignored |= {name for name in content.columns if is_time_name(name)}
+    rest = [name for name in content.columns if name not in ignored]
+    motions = [name for name in content.like_shaft() if name in rest]
+    if motions:
+        raise ValueError(
+            f"column {motions[0]!r} is named like the motion of the shaft. Name it in velocity, "
+            f"angle or tacho, or set channels = {[n for n in rest if n not in motions]}."
+        )
+    if not rest:
+        raise ValueError(f"it has no channel besides {sorted(filter(None, ignored))}.")
+    return {name: name for name in rest}
+
+
+def rates_of_columns(
+    content: FileColumns, layout: Layout, times: str | None, names: Iterable[str | None]
+) -> dict[str, EvenTimes]:
+    """Return sampling rates by column, from the file, its column of times, or own times.
+
+    The rate of a single column comes first, then that of its group, then that of the times. Where
+    a layout states rates of single columns, that of a group is only their default.
+
+    Parameters
+    ----------
+    content : FileColumns
+        What the file contains.
+    layout : Layout
+        What it states of rates, times and units.
+    times : str or None
+        Column of times.
+    names : iterable of str or None
+        The columns; those of others are not judged.
+
+    Returns
+    -------
+    dict of str to EvenTimes
+        Without the columns of which nothing states a rate.
+
+    Raises
+    ------
+    ValueError
+        If the times are not even.
+
+    Examples
+    --------
+    >>> content = FileColumns({"b": [0.0, 1.0]}, numbers={"fs": 25.0})
+    >>> rates_of_columns(content, Layout(), None, ["b"])
+    {'b': EvenTimes(rate=25.0, uneven=None)}
+    """
+    of_groups, own = _stated_rates(content)
+    stated = own if isinstance(layout.fs, Mapping) else of_groups | own
+    fs = layout.fs if isinstance(layout.fs, float | int) else None
+    found: dict[str, EvenTimes] = {}
+    shared = None
+    for name in (name for name in names if name in content.columns):
+        if name in content.times and layout.time is not False:
+            found[name] = even_times(content.times[name], name, fs, resample=layout.resample)
+        elif times and len(content.columns[name]) == len(content.columns[times]):
+            shared = shared or _shared_times(content, layout, times, fs or stated.get(times))
+            found[name] = shared
+        if name in stated:
+            found[name] = EvenTimes(stated[name], found.get(name, EvenTimes(0.0)).uneven)
+    return found
+
+
+def _shared_times(content: FileColumns, layout: Layout, times: str, fs: float | None) -> EvenTimes:
+    """Return the rate of the column of times."""
+    if times in content.defects:
+        raise ValueError(f"time column {times!r} {content.defects[times]}.")
+    unit = layout.unit_of(times) or content.units.get(times, "")
+    values = content.columns[times]
+    is_number = values.dtype.kind in "iuf"
+    size = unit_factor(time_unit(times, unit), "time") if is_number else 1.0
+    seconds = seconds_of(values, unit, times)
+    if fs is None:
+        _check_unit_of_times(content, layout, times)
+    return even_times(seconds, times, fs, size=size, resample=layout.resample)
+
+
+def _stated_rates(content: FileColumns) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the rates that a file states for groups of columns, and for single ones [Hz].
+
+    A number named fs (or samplerate and the like) holds for the columns of its group, but not for
+    those that are shorter than the longest one: these have another rate. A number named fs_rpm or
+    rpm_fs holds for the column rpm. If the file states a unit of it, this must be Hz or kHz.
+    """
+    of_groups: dict[str, float] = {}
+    own: dict[str, float] = {}
+    for name, number in content.numbers.items():
+        rate = number * {"": 1, "hz": 1, "khz": 1000}.get(content.units.get(name, "").lower(), 0)
+        if not rate > 0:
+            continue
+        last = re.split(r"[/.]", name)[-1]
+        group = name.removesuffix(last)
+        if is_rate_name(last):
+            lengths = {c: len(v) for c, v in content.columns.items() if c.startswith(group)}
+            longest = max(lengths.values(), default=0)
+            of_groups |= {column: rate for column, n in lengths.items() if n + 1 >= longest}
+        for column in content.columns:
+            rests = name.removesuffix(f"_{column}"), name.removeprefix(f"{column}_")
+            if any(rest != name and is_rate_name(rest) for rest in rests):
+                own[column] = rate
+    return of_groups, own | content.rates
+
+
+def _column_rate(
+    content: FileColumns,
+    layout: Layout,
+    rates: Mapping[str, EvenTimes],
+    column: str,
+    name: str,
+    default: float | None = None,
+) -> float:
+    """Return the rate of a column [Hz], which layout and file may both state."""
+    known, stated = rates[column].rate if column in rates else None, layout.fs
+    if isinstance(stated, Mapping):
+        by_name = {split_unit(key)[0]: rate for key, rate in stated.items()}
+        stated = by_name.get(name, by_name.get(column))
+        default = _stated_rates(content)[0].get(column, default)
+    if isinstance(stated, str):
+        number = content.find(stated, numbers=True)
+        if number not in content.numbers:
+            raise ValueError(f"fs = {stated!r} is not a single number of the file.")
+        stated = content.numbers[number]
+    if stated and known and abs(known / stated - 1) > 1e-6:
+        raise ValueError(
+            f"the layout states fs = {stated:g} Hz for {name!r}, but the file {known:.9g} Hz. "
+            f"Correct fs, or leave it out."
+        )
+    rate = stated or known or default
+    if rate is None:
+        raise ValueError(
+            f"the sampling rate of {name!r} is not known: neither the file nor the layout "
+            f"states it. Set fs, or time to a column of times; fs may be a rate for each column."
+        )
+    return float(rate)
+
+
+def _signal(content: FileColumns, column: str, name: str) -> NDArray[np.floating]:
+    """Return a column that is finite, and without codes for missing values or other defects."""
+    if column in content.defects:
+        raise ValueError(
+            f"{column!r} {content.defects[column]}. Repair the file, or set channels to others of "
+            f"{list(content.columns)}."
+        )
+    values = check_signal(content.columns[column], name)
+    # Written by loggers for missing values: limits of 16 and 32 bits, nines, and NaN of SCPI.
+    codes = {-(2.0**15), 2.0**15 - 1, 2.0**16 - 1, -(2.0**31), 2.0**31 - 1, 9.91e37}
+    codes |= {sign * (10.0**digits - 1) for sign in (1, -1) for digits in (3, 4, 5, 6)}
+    for code in {float(values.min()), float(values.max())} & codes:
+        is_code = values == code
+        if not is_code.all() and np.abs(values[~is_code]).max() < abs(code) / 10:
+            raise ValueError(
+                f"{name} has {is_code.sum()} values of {code:g}, first at sample "
+                f"{np.argmax(is_code)}, far from all others: a code for missing values. Cut the "
+                f"recording before it, or repair the gap."
+            )
+    return values
+
+
+def _agreed_unit(name: str, stated: str, known: str) -> str:
+    """Return the unit that the layout states, else that of the file."""
+    if stated and known and unit_ratio(stated, known) != 1:
+        raise ValueError(
+            f"the layout states the unit {stated!r} for {name!r}, but the file {known!r}. Correct "
+            f"units; nothing is converted."
+        )
+    return stated or known
+
+
+def _shaft(
+    content: FileColumns,
+    layout: Layout,
+    column: str | None,
+    rates: Mapping[str, EvenTimes],
+    fs: float,
+    n_times: Set[int],
+) -> dict[str, Any]:
+    """Return the shaft reference in rad or rad/s, and its rate [Hz].
+
+    Of a column that is as long as a channel (`n_times`), it is `fs` if nothing states another.
+    """
+    if column is None:
+        speed, unit = layout.velocity, layout.unit_of("velocity", "speed") or "rad/s"
+        if isinstance(speed, str):
+            speed, unit = constant_speed(content.chosen(speed)) or (0.0, "")
+        return {"velocity": float(speed) * unit_factor(unit, "velocity"), "shaft_fs": fs}
+    kind = "angle" if layout.angle is not None else "velocity"
+    values: Any = content.numbers.get(column)
+    rate = fs
+    if values is None:
+        values = _signal(content, column, f"the shaft column {column!r}")
+        default = fs if len(values) in n_times else None
+        rate = _column_rate(content, layout, rates, column, column, default)
+    even = rates.get(column, EvenTimes(rate))
+    if layout.tacho is not None:
+        options = dict(layout.tacho) if isinstance(layout.tacho, Mapping) else {}
+        options.pop("column", None)
+        pulses = even.resampled(values)
+        return {"angle": angle_from_tacho(pulses, rate, **options).angle, "shaft_fs": rate}
+    factor = unit_factor(_shaft_unit(content, layout, column, kind), kind)
+    values = values if factor == 1 else values * factor
+    if even.uneven is not None and kind == "angle" and is_wrapped(values):
+        values = angle_from_wrapped(values)
+    return {kind: even.resampled(values), "shaft_fs": rate}
+
+
+def _shaft_unit(content: FileColumns, layout: Layout, column: str, kind: str) -> str:
+    """Return the unit of the shaft column; rad or rad/s if nothing suggests another."""
+    wanted = layout.velocity if kind == "velocity" else layout.angle
+    stated = layout.unit_of(column, kind) or split_unit(content.chosen(str(wanted)))[1]
+    unit = _agreed_unit(column, stated.lower(), content.units.get(column, "").lower())
+    default = "rad/s" if kind == "velocity" else "rad"
+    if not unit and re.search(r"rpm|hz|deg|rev|turn|rps|count|min", column.lower()):
+        usual = unit_in_name(column) or "rpm" if kind == "velocity" else "deg"
+        raise ValueError(
+            f"the unit of {column!r} is not stated, and its name suggests another one than "
+            f"{default}. State it in the layout, under [units]: {column!r} = '{usual}'."
+        )
+    return unit or default
