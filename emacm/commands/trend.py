@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
-from collections.abc import Mapping
-from contextlib import nullcontext
-from typing import Any
+import warnings
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext, suppress
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import pandas as pd
 from sklearn.base import clone
@@ -27,6 +31,7 @@ from emacm.recordings.names import printable
 from emacm.reports.inputs import as_cell, units_and_times
 
 ALARM, FAILED = 1, 3  # exit status
+LATEST, WRITTEN, HIGHEST = "latest", "latest written", "highest"  # the recording that is judged
 
 
 def run(options: argparse.Namespace) -> int:
@@ -35,28 +40,30 @@ def run(options: argparse.Namespace) -> int:
     Returns
     -------
     int
-        0; 1 if, with ``--fail-on-alarm``, the latest recording of a unit exceeds its limit; 3 if
-        files failed.
+        0; 1 if, with ``--fail-on-alarm``, the latest recording of a unit exceeds its limit, or any
+        of it where times are not known; 3 if files failed.
     """
-    table, n_groups = _trend_of_files(options)
+    table, n_groups, remarks, judged = _trend_of_files(options)
+    has_times = judged != HIGHEST
     with nullcontext(sys.stdout) if options.out is None else written_whole(options.out) as out:
-        table.map(as_cell).to_csv(out, index=False)
+        rows = table if has_times else table.assign(time="")
+        rows.map(as_cell).to_csv(out, index=False)
     if options.plot is not None:
         from emacm.displays.monitoring import TrendDisplay  # matplotlib is needed only here
 
         shown = _most_urgent(table)
-        display = TrendDisplay(shown, time_label=options.time or "time").plot()
+        label = options.time or "time" if has_times else "number of the file (times not known)"
+        display = TrendDisplay(shown, time_label=label).plot()
         with written_whole(options.plot) as unfinished:
             display.figure_.savefig(unfinished, dpi=150, format=options.plot.suffix[1:] or "png")
-    if options.machine and not any(name.endswith(":zone") for name in table.columns):
-        print("emacm: WARNING: --machine needs a channel in g, m/s2 or mm/s2.", file=sys.stderr)
-    latest = table[table["error"] == ""].groupby("unit", sort=True).tail(1)
-    meanings = _meanings(latest, n_groups)
+    whole = table[table["error"] == ""]
+    latest = whole.sort_values(["unit", "time" if has_times else "index"]).groupby("unit").tail(1)
+    meanings = [*_meanings(latest, n_groups), *remarks]
     print(*meanings, sep="\n", file=sys.stderr if options.out is None else sys.stdout)
     if options.out is not None:
         for row in latest.rename(columns={"index": "value"}).itertuples():
             state = "ALARM" if row.alarm else "within the limit"
-            print(f"{row.unit}: {row.value:.2f}, limit {row.limit:.2f}, {state}")
+            print(f"{row.unit}: {judged} {row.value:.2f}, limit {row.limit:.2f}, {state}")
         print(f"Table: {printable(options.out)}")
     if options.fail_on_alarm and latest["alarm"].any():
         return ALARM
@@ -87,8 +94,25 @@ def _meanings(latest: pd.DataFrame, n_groups: Mapping[str, int]) -> list[str]:
     return sentences
 
 
-def _trend_of_files(options: argparse.Namespace) -> tuple[pd.DataFrame, dict[str, int]]:
-    """Return the distances of files from healthy ones, and how many groups each limit is from."""
+class _Trend(NamedTuple):
+    """Distances of files from healthy ones, and how many groups each limit is from.
+
+    Attributes
+    ----------
+    remarks : list of str
+        What is to be known about the times and the zones.
+    judged : {LATEST, WRITTEN, HIGHEST}
+        Which recording of a unit: the highest if the times are not known; those of the table are
+        then the numbers of the files.
+    """
+
+    table: pd.DataFrame
+    n_groups: dict[str, int]
+    remarks: list[str]
+    judged: str
+
+
+def _trend_of_files(options: argparse.Namespace) -> _Trend:
     layout = Layout.from_toml(options.layout)
     if options.machine is not None:
         severity_zone(0.0, options.machine)  # an unknown class is refused before files are read
@@ -97,6 +121,10 @@ def _trend_of_files(options: argparse.Namespace) -> tuple[pd.DataFrame, dict[str
     groups = read_meta(healthy, options.groups, role="--groups")
     units = None if options.unit is None else read_meta(healthy, options.unit, role="--unit")
     new_units, times = units_and_times(paths, layout, options.unit, options.time)
+    doubt, judged = "", LATEST
+    if options.time is None:
+        doubt, judged = _doubt(paths, layout, new_units or [""] * len(paths), times)
+        times = [*range(len(paths))] if judged == HIGHEST else times
     max_order, revolutions = extent(healthy, options)
     speed, parts = options.min_speed, parts_of_options(options)
     if parts:
@@ -116,8 +144,73 @@ def _trend_of_files(options: argparse.Namespace) -> tuple[pd.DataFrame, dict[str
     for own, row in zip(rows, table.itertuples(), strict=True):
         if not row.error:
             recording = open_recording(row.recording, layout)
-            own |= vibration_indicators(recording, options.machine, min_speed=speed)
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                own |= vibration_indicators(recording, options.machine, min_speed=speed)
+            if caught:
+                own["remarks"] = "; ".join(str(item.message) for item in caught)
             if parts:
                 own |= dict(zip(names, model[:-1].transform([recording])[0], strict=True))
+    table = table.join(pd.DataFrame(rows, index=table.index))
+    remarks = [doubt, _of_zones(table, options.machine)]
     n_groups = index.left_out_.groupby("baseline")["group"].nunique().to_dict()
-    return table.join(pd.DataFrame(rows, index=table.index)), n_groups
+    return _Trend(table, n_groups, [text for text in remarks if text], judged)
+
+
+def _of_zones(table: pd.DataFrame, machine: str | None) -> str:
+    """Say what is to be known about velocities and zones, or ""."""
+    if "remarks" in table:
+        noted = table[table["remarks"].notna()]
+        first = f"{noted['recording'].iloc[0]}: {noted['remarks'].iloc[0]}"
+        return f"WARNING: {len(noted)} of {len(table)} recordings have remarks; {first}."
+    if machine and not any(name.endswith(":zone") for name in table):
+        return "WARNING: --machine needs a channel in g, m/s2 or mm/s2."
+    return ""
+
+
+def _doubt(
+    paths: Sequence[Path], layout: Layout, units: Sequence[Any], times: Sequence[pd.Timestamp]
+) -> tuple[str, str]:
+    """Say which times are those at which files were written, and which recording they judge."""
+    written = {}
+    for path, time, unit in zip(paths, times, units, strict=True):
+        if time == pd.Timestamp(path.stat().st_mtime, unit="s"):
+            written[path] = unit, time
+    for unit in dict.fromkeys(units):
+        own = sorted((time, path) for path, (of, time) in written.items() if of == unit)
+        if reason := _contradiction(own, layout):
+            text = (
+                f"Times are not known: the files state none, and they cannot be those at which "
+                f"they were written, as {reason}. The highest index of each unit is judged, not "
+                f"the latest. Name a field of the layout's meta by --time."
+            )
+            return text, HIGHEST
+    if not written:
+        return "", LATEST
+    text = (
+        f"{len(written)} of {len(paths)} files state no time: that at which they were written is "
+        f"taken, which copying may change. If so, name a field of the layout's meta by --time."
+    )
+    return text, WRITTEN
+
+
+def _contradiction(files: Sequence[tuple[pd.Timestamp, Path]], layout: Layout) -> str:
+    """Return why the recordings of a unit were not made when their files were written, or ""."""
+    for (earlier, before), (later, path) in pairwise(files):
+        gap = (later - earlier).total_seconds()
+        with suppress(ImportError, OSError, TypeError, ValueError):  # its row states why
+            duration = open_recording(path, layout).duration
+            if gap < duration / 2:
+                names = f"{printable(path)}, {duration:.3g} s long, "
+                return f"{names}follows {printable(before)} after {gap:.3g} s"
+    by_text: dict[str, list[tuple[Any, ...]]] = {}
+    for _, path in files:
+        numbers = map(int, re.findall(r"\d+", str(path)))
+        by_text.setdefault(re.sub(r"\d+", "0", str(path)), []).append((*numbers, path))
+    for found in by_text.values():
+        # One of the numbers may be that of the run, beside a speed or a load.
+        fields = [field for field in list(zip(*found, strict=True))[:-1] if len(set(field)) > 1]
+        if fields and not any(list(field) == sorted(field) for field in [*fields, found]):
+            first, then = next(pair for pair in pairwise(found) if pair[0] > pair[1])
+            return f"{printable(then[-1])} follows {printable(first[-1])}"
+    return ""
