@@ -7,9 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from emacm import Recording
+from emacm import BallScrew, Bearing, Recording
 from emacm.__main__ import main
 from emacm._statements import EmacmWarning
+from emacm.machine.rolling import bearing_of
 from emacm.monitoring import (
     RemainingLife,
     severity_zone,
@@ -178,3 +179,25 @@ def test_a_remaining_life_is_that_of_units_which_survived_to_this_age(column):
     np.testing.assert_allclose(table["median"], medians, rtol=0.08)
     np.testing.assert_allclose(model.predict(np.c_[new, 0 * new]), table["median"], rtol=1e-6)
     assert "follows from age and health index" in table["statement"][0]
+
+
+# Geometry of a machine
+
+
+@pytest.mark.parametrize("geometry", [(9, 0.794, 39.04), (9, 7.94, 390.4), (8, 0.2656, 28.5)])
+def test_diameters_in_two_units_are_refused_unless_they_are_confirmed(geometry):
+    with pytest.raises(ValueError, match="both diameters in one unit, .* few_balls=True"):
+        Bearing(*geometry)
+    with pytest.raises(ValueError, match="both diameters in one unit"):
+        BallScrew(*geometry, 5.0)
+    with pytest.raises(ValueError, match="both diameters in one unit"):
+        bearing_of(",".join(map(str, geometry)))
+    assert Bearing(*geometry, few_balls=True).lines()[0].name == "BPFO"
+
+
+@pytest.mark.parametrize(
+    "geometry",
+    [(7, 3.969, 15.0), (13, 3.5, 25.6), (24, 2.0, 18.0), (90, 3.175, 160.0), (16, 22.0, 160.0)],
+)
+def test_skate_thin_section_needle_and_roller_bearings_are_accepted(geometry):
+    assert len(Bearing(*geometry).lines()) == 4

@@ -366,7 +366,7 @@ class LifeModels:
         return probabilities
 
     def _given_age(self, unit: History) -> Iterator[tuple[int, tuple[Array, Array]]]:
-        """Yield, of each reading, steps of the probability given its columns, and given its age too.
+        """Yield for each reading steps of the probability given its columns, and given the age too.
 
         Bayes' rule: the prior is the life of the population that survived to this age, and the
         columns have the likelihood p(remaining life | columns) / p(remaining life), so that columns
