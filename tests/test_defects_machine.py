@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from emacm import BallScrew, Bearing, Recording
+from emacm import BallScrew, Bearing, InductionMotor, Recording
 from emacm.__main__ import main
 from emacm._statements import EmacmWarning
 from emacm.machine.rolling import bearing_of
@@ -186,7 +186,7 @@ def test_a_remaining_life_is_that_of_units_which_survived_to_this_age(column):
 
 @pytest.mark.parametrize("geometry", [(9, 0.794, 39.04), (9, 7.94, 390.4), (8, 0.2656, 28.5)])
 def test_diameters_in_two_units_are_refused_unless_they_are_confirmed(geometry):
-    with pytest.raises(ValueError, match="both diameters in one unit, .* few_balls=True"):
+    with pytest.raises(ValueError, match=r"both diameters in one unit, .* few_balls=True"):
         Bearing(*geometry)
     with pytest.raises(ValueError, match="both diameters in one unit"):
         BallScrew(*geometry, 5.0)
@@ -201,3 +201,15 @@ def test_diameters_in_two_units_are_refused_unless_they_are_confirmed(geometry):
 )
 def test_skate_thin_section_needle_and_roller_bearings_are_accepted(geometry):
     assert len(Bearing(*geometry).lines()) == 4
+
+
+@pytest.mark.parametrize(("slip", "supply"), [(0.012, 50.0), (0.041, 60.0), (0.08, 31.7)])
+def test_the_slip_of_an_induction_motor_is_found_from_its_current(slip, supply):
+    times, rotor = np.arange(24_000) / 2000, supply * (1 - slip) / 2  # Hz, two pole pairs
+    current = np.sin(2 * np.pi * supply * times)
+    current += 0.01 * np.random.default_rng(0).normal(size=len(times))
+    recording = Recording({"phase": 3 + current}, 2000, velocity=2 * np.pi * rotor)
+    motor = InductionMotor.from_current(recording, "phase", 2, bars=28)
+    assert motor.slip == pytest.approx(slip, abs=1e-4)
+    with pytest.raises(ValueError, match=r"Check pole_pairs, the speed"):
+        InductionMotor.from_current(recording, "phase", 3)
