@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from emacm import BallScrew, Bearing, InductionMotor, Recording
+from emacm import BallScrew, Bearing, InductionMotor, Recording, find_faults
 from emacm.__main__ import main
 from emacm._statements import EmacmWarning
 from emacm.machine.rolling import bearing_of
@@ -213,3 +213,23 @@ def test_the_slip_of_an_induction_motor_is_found_from_its_current(slip, supply):
     assert motor.slip == pytest.approx(slip, abs=1e-4)
     with pytest.raises(ValueError, match=r"Check pole_pairs, the speed"):
         InductionMotor.from_current(recording, "phase", 3)
+
+
+# What find states
+
+
+def test_a_recording_without_a_fault_has_its_highest_lines_and_how_often_noise_reaches_them():
+    noise = np.random.default_rng(0).normal(size=80_000)
+    recording = Recording({"b": noise}, 10_000, velocity=2 * np.pi * 25)
+    row = find_faults([recording], Bearing(9, 7.94, 39.04)).iloc[0]
+    fault = row[["BPFO", "BPFI", "BSF"]].astype(float).idxmax()
+    share = f"which noise alone reaches in {100 * row[f'p({fault})']:.3g} % of cases"
+    assert row["explanation"].startswith(f"no fault: highest are {fault} and its harmonics (")
+    assert row["explanation"].endswith(share)
+
+
+@pytest.mark.parametrize(("fs", "stated"), [(86.4e6, "0.000231 s"), (1.0, "sampled at 1 Hz")])
+def test_a_wrong_unit_of_time_is_not_blamed_on_the_speed_alone(fs, stated):
+    recording = Recording({"b": np.ones(20_000)}, fs, velocity=2 * np.pi * 25)
+    with pytest.raises(ValueError, match=f"{stated}.*the units of both"):
+        find_faults([recording], Bearing(9, 7.94, 39.04))
