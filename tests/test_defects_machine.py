@@ -10,6 +10,7 @@ import pytest
 from emacm import BallScrew, Bearing, InductionMotor, Recording, find_faults
 from emacm.__main__ import main
 from emacm._statements import EmacmWarning
+from emacm.displays import DomainDisplay, TrendDisplay
 from emacm.machine.rolling import bearing_of
 from emacm.monitoring import (
     RemainingLife,
@@ -233,3 +234,29 @@ def test_a_wrong_unit_of_time_is_not_blamed_on_the_speed_alone(fs, stated):
     recording = Recording({"b": np.ones(20_000)}, fs, velocity=2 * np.pi * 25)
     with pytest.raises(ValueError, match=f"{stated}.*the units of both"):
         find_faults([recording], Bearing(9, 7.94, 39.04))
+
+
+# Pictures
+
+
+def test_conditions_are_drawn_at_their_values_and_states_beside_each_other():
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
+    states = ["healthy", "ball", "ball", "inner"]
+    points = pd.DataFrame({"state": states, "severity": [0, 0.1, 0.4, 0.4]})
+    axes = DomainDisplay(points.assign(slowest=50.0, fastest=99.0)).plot().ax_
+    drawn = {line.get_label(): line.get_ydata()[0] for line in axes.lines}
+    assert drawn["healthy"] == 0
+    assert drawn["ball"] == pytest.approx(0.1)
+    by_state = np.array([line.get_ydata()[0] for line in axes.lines[2:]])
+    assert by_state.mean() == pytest.approx(0.4)
+    assert by_state[0] < by_state[1]
+
+
+@pytest.mark.parametrize("seconds", [2.0, 86_400.0])
+def test_a_trend_fills_its_time_axis(seconds):
+    dates = pytest.importorskip("matplotlib.dates", reason="matplotlib is not installed")
+    times = pd.Timestamp("2026-03-01") + pd.to_timedelta(np.linspace(0, seconds, 5), unit="s")
+    table = pd.DataFrame({"unit": "A", "time": times, "index": 1.0, "limit": 2.0, "alarm": False})
+    low, high = TrendDisplay(table).plot().ax_.get_xlim()
+    share = (dates.date2num(times[-1]) - dates.date2num(times[0])) / (high - low)
+    assert share == pytest.approx(1 / 1.1, abs=0.01)
