@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import nullcontext, suppress
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pandas as pd
 from sklearn.base import clone
@@ -31,7 +31,6 @@ from emacm.recordings.names import printable
 from emacm.reports.inputs import as_cell, units_and_times
 
 ALARM, FAILED = 1, 3  # exit status
-LATEST, WRITTEN, HIGHEST = "latest", "latest written", "highest"  # the recording that is judged
 
 
 def run(options: argparse.Namespace) -> int:
@@ -44,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
         of it where times are not known; 3 if files failed.
     """
     table, n_groups, remarks, judged = _trend_of_files(options)
-    has_times = judged != HIGHEST
+    has_times = judged != "highest"
     with nullcontext(sys.stdout) if options.out is None else written_whole(options.out) as out:
         rows = table if has_times else table.assign(time="")
         rows.map(as_cell).to_csv(out, index=False)
@@ -94,25 +93,14 @@ def _meanings(latest: pd.DataFrame, n_groups: Mapping[str, int]) -> list[str]:
     return sentences
 
 
-class _Trend(NamedTuple):
-    """Distances of files from healthy ones, and how many groups each limit is from.
+def _trend_of_files(
+    options: argparse.Namespace,
+) -> tuple[pd.DataFrame, dict[str, int], list[str], str]:
+    """Return the trend of files, the groups of each limit, remarks, and what is judged of a unit.
 
-    Attributes
-    ----------
-    remarks : list of str
-        What is to be known about the times and the zones.
-    judged : {LATEST, WRITTEN, HIGHEST}
-        Which recording of a unit: the highest if the times are not known; those of the table are
-        then the numbers of the files.
+    This is the "latest" recording, the "latest written", or the "highest" where times are not
+    known: those of the table are then the numbers of the files.
     """
-
-    table: pd.DataFrame
-    n_groups: dict[str, int]
-    remarks: list[str]
-    judged: str
-
-
-def _trend_of_files(options: argparse.Namespace) -> _Trend:
     layout = Layout.from_toml(options.layout)
     if options.machine is not None:
         severity_zone(0.0, options.machine)  # an unknown class is refused before files are read
@@ -121,10 +109,10 @@ def _trend_of_files(options: argparse.Namespace) -> _Trend:
     groups = read_meta(healthy, options.groups, role="--groups")
     units = None if options.unit is None else read_meta(healthy, options.unit, role="--unit")
     new_units, times = units_and_times(paths, layout, options.unit, options.time)
-    doubt, judged = "", LATEST
+    doubt, judged = "", "latest"
     if options.time is None:
         doubt, judged = _doubt(paths, layout, new_units or [""] * len(paths), times)
-        times = [*range(len(paths))] if judged == HIGHEST else times
+        times = [*range(len(paths))] if judged == "highest" else times
     max_order, revolutions = extent(healthy, options)
     speed, parts = options.min_speed, parts_of_options(options)
     if parts:
@@ -154,7 +142,7 @@ def _trend_of_files(options: argparse.Namespace) -> _Trend:
     table = table.join(pd.DataFrame(rows, index=table.index))
     remarks = [doubt, _of_zones(table, options.machine)]
     n_groups = index.left_out_.groupby("baseline")["group"].nunique().to_dict()
-    return _Trend(table, n_groups, [text for text in remarks if text], judged)
+    return table, n_groups, [text for text in remarks if text], judged
 
 
 def _of_zones(table: pd.DataFrame, machine: str | None) -> str:
@@ -162,7 +150,7 @@ def _of_zones(table: pd.DataFrame, machine: str | None) -> str:
     if "remarks" in table:
         noted = table[table["remarks"].notna()]
         first = f"{noted['recording'].iloc[0]}: {noted['remarks'].iloc[0]}"
-        return f"WARNING: {len(noted)} of {len(table)} recordings have remarks; {first}."
+        return f"WARNING: {len(noted)} of {len(table)} recordings have remarks. {first}"
     if machine and not any(name.endswith(":zone") for name in table):
         return "WARNING: --machine needs a channel in g, m/s2 or mm/s2."
     return ""
@@ -171,40 +159,35 @@ def _of_zones(table: pd.DataFrame, machine: str | None) -> str:
 def _doubt(
     paths: Sequence[Path], layout: Layout, units: Sequence[Any], times: Sequence[pd.Timestamp]
 ) -> tuple[str, str]:
-    """Say which times are those at which files were written, and which recording they judge."""
-    written = {}
-    for path, time, unit in zip(paths, times, units, strict=True):
-        if time == pd.Timestamp(path.stat().st_mtime, unit="s"):
-            written[path] = unit, time
-    for unit in dict.fromkeys(units):
-        own = sorted((time, path) for path, (of, time) in written.items() if of == unit)
-        if reason := _contradiction(own, layout):
-            text = (
-                f"Times are not known: the files state none, and they cannot be those at which "
-                f"they were written, as {reason}. The highest index of each unit is judged, not "
-                f"the latest. Name a field of the layout's meta by --time."
+    """Say which times are those at which files were written, and which recordings are judged."""
+    files = pd.DataFrame({"path": paths, "unit": units, "time": times})
+    written = [pd.Timestamp(path.stat().st_mtime, unit="s") for path in paths]
+    files = files[files["time"] == written].sort_values("time", kind="stable")
+    remedy = "Name a field of the layout's meta by --time."
+    for _, own in files.groupby("unit"):
+        if reason := _contradiction(own["path"].tolist(), own["time"].tolist(), layout):
+            text = "Times are not known: the files state none, and they were not written in turn"
+            return (
+                f"{text}: {reason}. The highest index of each unit is judged. {remedy}",
+                "highest",
             )
-            return text, HIGHEST
-    if not written:
-        return "", LATEST
-    text = (
-        f"{len(written)} of {len(paths)} files state no time: that at which they were written is "
-        f"taken, which copying may change. If so, name a field of the layout's meta by --time."
-    )
-    return text, WRITTEN
+    if files.empty:
+        return "", "latest"
+    text = f"{len(files)} of {len(paths)} files state no time: that at which they were written is"
+    return f"{text} taken. If they were copied since: {remedy}", "latest written"
 
 
-def _contradiction(files: Sequence[tuple[pd.Timestamp, Path]], layout: Layout) -> str:
+def _contradiction(paths: list[Path], times: list[pd.Timestamp], layout: Layout) -> str:
     """Return why the recordings of a unit were not made when their files were written, or ""."""
-    for (earlier, before), (later, path) in pairwise(files):
-        gap = (later - earlier).total_seconds()
+    for k, (before, path) in enumerate(pairwise(paths), 1):
+        gap = (times[k] - times[k - 1]).total_seconds()
         with suppress(ImportError, OSError, TypeError, ValueError):  # its row states why
             duration = open_recording(path, layout).duration
             if gap < duration / 2:
-                names = f"{printable(path)}, {duration:.3g} s long, "
-                return f"{names}follows {printable(before)} after {gap:.3g} s"
+                name = f"{printable(path)}, {duration:.3g} s long,"
+                return f"{name} follows {printable(before)} after {gap:.3g} s"
     by_text: dict[str, list[tuple[Any, ...]]] = {}
-    for _, path in files:
+    for path in paths:
         numbers = map(int, re.findall(r"\d+", str(path)))
         by_text.setdefault(re.sub(r"\d+", "0", str(path)), []).append((*numbers, path))
     for found in by_text.values():

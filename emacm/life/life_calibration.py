@@ -279,7 +279,7 @@ def outside_fit(X: Array, fitted: Array, *, margin: float = 0.0) -> list[str]:
     return statements
 
 
-def statement(row: dict[str, Any], coverage: float, without_index: Array, *, with_age: bool) -> str:
+def statement(row: dict[str, Any], coverage: float, without_index: Array) -> str:
     """Say what an interval is based on.
 
     Parameters
@@ -290,15 +290,12 @@ def statement(row: dict[str, Any], coverage: float, without_index: Array, *, wit
         Its coverage.
     without_index : ndarray of shape (2,)
         Lower and upper limit from the age alone.
-    with_age : bool
-        Whether the age counts beside the index.
     """
     basis, when = "No damage is known: this is the life of the population.", "of this age"
     if row["stage"] == DAMAGE:
-        basis = "Damage is present: this follows from the health index of the unit."
+        basis = "Damage is present: this follows from the health index of the unit, without an "
+        basis += "onset also from its age."
         when = "as long after the onset"
-    if row["stage"] == DAMAGE and with_age:
-        basis, when = "This follows from age and health index of the unit.", "of this age"
     interval = f"{coverage:.0%} interval from {row['n_units']} units {when}."
     if not np.isfinite(row["upper"]):
         interval = f"The units do not support an upper limit with {coverage:.0%} coverage."

@@ -353,9 +353,8 @@ class RemainingLife(RegressorMixin, SavedEstimator):
             wide = [self._calibration.width(WITHOUT_INDEX, x, coverage)[0] for x in unit.ages]
             limits = np.clip(0.5 + np.outer(wide, [-1, 1]), 0, 1)
             without[unit.rows] = self.models_.quantiles(unit.without_index, limits)
-        with_age = self.models_.readings is not None
         table["statement"] = [
-            f"{statement(row, coverage, plain, with_age=with_age)} {text}".rstrip()
+            f"{statement(row, coverage, plain)} {text}".rstrip()
             for row, plain, text in zip(rows, without, outside, strict=True)
         ]
         return table

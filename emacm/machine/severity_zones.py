@@ -35,6 +35,7 @@ _CLASSES: dict[str, tuple[Any, ...]] = {
     "class III": (1.8, 4.5, 11.2, *_NO_DISPLACEMENT, "large machines on rigid foundations"),
     "class IV": (2.8, 7.1, 18.0, *_NO_DISPLACEMENT, "large machines on flexible foundations"),
 }
+_QUANTITIES = ("velocity", "displacement")
 ZONES = {
     "A": "newly commissioned machines",
     "B": "acceptable for unrestricted long-term operation",
@@ -109,17 +110,13 @@ def severity_zone(
     ('C', ['A', 'D'])
     """
     check_choice(machine_class, "machine_class", tuple(_CLASSES))
+    limits = np.reshape(_CLASSES[machine_class][:6], (2, 3)).astype(np.float64)
     numbers: Any = 0
-    for given, name, first in ((velocity, "velocity", 0), (displacement, "displacement", 3)):
-        if given is None:
-            continue
-        values = check_real_array(given, name)
+    for own, given, name in zip(limits, (velocity, displacement), _QUANTITIES, strict=True):
+        values = check_real_array(0.0 if given is None else given, name)
         if not (np.isfinite(values).all() and (values >= 0).all()):
             raise ValueError(f"{name} must be finite and not negative, got {given!r}.")
-        # What is missing (NaN) counts as a limit that nothing exceeds.
-        numbers = np.maximum(
-            numbers, np.searchsorted(_CLASSES[machine_class][first : first + 3], values)
-        )
+        numbers = np.maximum(numbers, np.searchsorted(own, values))  # nothing exceeds a NaN
     zones = np.array(list(ZONES))[numbers]
     return str(zones) if zones.ndim == 0 else zones
 
@@ -259,8 +256,8 @@ def vibration_severity(recording: Recording, machine_class: str) -> pd.DataFrame
             f"no channel of {list(recording.channels)} has a unit of acceleration (as m/s2, mm/s2 "
             f"or g); the units are {dict(recording.units)}. Give units={{...}} to the recording."
         )
-    motions = {name: _motion_of(recording, name, 0.0) for name in channels}
-    table = pd.DataFrame.from_dict(motions, orient="index", columns=["velocity", "displacement"])
+    motions = [_motion_of(recording, name, 0.0) for name in channels]
+    table = pd.DataFrame(motions, channels, _QUANTITIES)
     table["zone"] = severity_zone(table["velocity"], machine_class, table["displacement"])
     table["meaning"] = table["zone"].map(ZONES)
     table["source"] = severity_zones().loc[machine_class, "source"]
