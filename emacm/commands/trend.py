@@ -47,16 +47,16 @@ def run(options: argparse.Namespace) -> int:
     with nullcontext(sys.stdout) if options.out is None else written_whole(options.out) as out:
         rows = table if has_times else table.assign(time="")
         rows.map(as_cell).to_csv(out, index=False)
+    whole = table[table["error"] == ""]
+    latest = whole.sort_values(["unit", "time" if has_times else "index"]).groupby("unit").tail(1)
     if options.plot is not None:
         from emacm.displays.monitoring import TrendDisplay  # matplotlib is needed only here
 
-        shown = _most_urgent(table)
+        shown = _most_urgent(table, latest)
         label = options.time or "time" if has_times else "number of the file (times not known)"
         display = TrendDisplay(shown, time_label=label).plot()
         with written_whole(options.plot) as unfinished:
             display.figure_.savefig(unfinished, dpi=150, format=options.plot.suffix[1:] or "png")
-    whole = table[table["error"] == ""]
-    latest = whole.sort_values(["unit", "time" if has_times else "index"]).groupby("unit").tail(1)
     meanings = [*_meanings(latest, n_groups), *remarks]
     print(*meanings, sep="\n", file=sys.stderr if options.out is None else sys.stdout)
     if options.out is not None:
@@ -69,9 +69,8 @@ def run(options: argparse.Namespace) -> int:
     return FAILED if (table["error"] != "").any() else 0
 
 
-def _most_urgent(table: pd.DataFrame) -> pd.DataFrame:
+def _most_urgent(table: pd.DataFrame, latest: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of the 8 units whose latest index is highest, as many as a picture shows."""
-    latest = table[table["index"].notna()].groupby("unit").tail(1)
     units = (latest["index"] / latest["limit"]).set_axis(latest["unit"]).nlargest(8).index
     if len(units) < len(latest):
         print("The picture shows the 8 units with the highest latest index.", file=sys.stderr)
@@ -167,10 +166,8 @@ def _doubt(
     for _, own in files.groupby("unit"):
         if reason := _contradiction(own["path"].tolist(), own["time"].tolist(), layout):
             text = "Times are not known: the files state none, and they were not written in turn"
-            return (
-                f"{text}: {reason}. The highest index of each unit is judged. {remedy}",
-                "highest",
-            )
+            text = f"{text}: {reason}. The highest index of each unit is judged. {remedy}"
+            return text, "highest"
     if files.empty:
         return "", "latest"
     text = f"{len(files)} of {len(paths)} files state no time: that at which they were written is"
