@@ -254,8 +254,8 @@ def vibration_severity(recording: Recording, machine_class: str) -> pd.DataFrame
     if not channels:
         raise ValueError(
             f"no channel of {list(recording.channels)} has a unit of acceleration (as m/s2, mm/s2 "
-            f"or g); the units are {dict(recording.units)}. Give units={{...}} to the recording, or "
-            f"pass the RMS of a measured velocity to severity_zone."
+            f"or g); the units are {dict(recording.units)}. Give units={{...}} to the recording; "
+            f"the RMS of a measured velocity is judged by severity_zone."
         )
     motions = [_motion_of(recording, name, 0.0) for name in channels]
     table = pd.DataFrame(motions, channels, _QUANTITIES)
