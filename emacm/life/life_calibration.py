@@ -371,15 +371,15 @@ class LifeModels:
         """
         if self.readings is None or not isinstance(self.damage, WeibullRegression):
             return
-        n_steps = 400
-        logs = self.damage.logs_at((np.arange(n_steps) + 0.5) / n_steps, unit.columns)
+        first, n_steps = unit.onset, 400
+        logs = self.damage.logs_at((np.arange(n_steps) + 0.5) / n_steps, unit.columns[first:])
         with np.errstate(divide="ignore"):
-            ages = np.log(unit.ages)[:, np.newaxis]
+            ages = np.log(unit.ages[first:, np.newaxis])
         weights = self.population.log_density(np.logaddexp(ages, logs))
         weights -= self.readings.log_density(logs)
         weights = np.exp(weights - weights.max(axis=1, keepdims=True))
-        for row in np.flatnonzero(unit.damaged):
-            passed = np.append(0.0, np.cumsum(weights[row]))
+        for row, own in enumerate(weights, first):
+            passed = np.append(0.0, np.cumsum(own))
             yield row, (np.linspace(0, 1, n_steps + 1), passed / passed[-1])
 
     def _without_age(self, unit: History, remaining: Array) -> Array:

@@ -354,14 +354,16 @@ def _motion_of(recording: Recording, channel: str, min_speed: float) -> tuple[fl
             raise ValueError(defect.text)
         signal = _in_mm(recording.signals[channel], recording.units[channel])
         velocity, displacement = _motion(signal, fs, band)
-        # Beyond ten standard deviations of normal noise
+        # Spikes are few samples beyond ten standard deviations of normal noise.
         middle = np.median(signal)
-        most = 15 * np.median(np.abs(signal - middle))
+        distance = np.abs(signal - middle)
+        most = 15 * np.median(distance)
         usual = _motion(np.clip(signal, middle - most, middle + most), fs, band)
     if defect is not None:
         warn(defect.kind, f"{defect.text}: its velocity is uncertain", channel=channel)
-    if most > 0 and (usual[0] < 0.9 * velocity or usual[1] < 0.9 * displacement):
-        place = int(np.argmax(np.abs(signal - middle)))
+    is_smaller = usual[0] < 0.9 * velocity or usual[1] < 0.9 * displacement
+    if is_smaller and np.mean(distance > most) < 0.01:
+        place = int(distance.argmax())
         text = (
             f"channel {channel!r} has spikes, the largest at sample {place} ({place / fs:.6g} s): "
             f"{velocity:.3g} mm/s and {displacement:.3g} um rms, but {usual[0]:.3g} mm/s and "
