@@ -179,7 +179,7 @@ def test_a_remaining_life_is_that_of_units_which_survived_to_this_age(column):
     table = model.predict_interval(np.c_[new, 0 * new])
     np.testing.assert_allclose(table["median"], medians, rtol=0.08)
     np.testing.assert_allclose(model.predict(np.c_[new, 0 * new]), table["median"], rtol=1e-6)
-    assert "without an onset also from its age" in table["statement"][0]
+    assert "follows from health index and, without onset, age" in table["statement"][0]
 
 
 # Geometry of a machine

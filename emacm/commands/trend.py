@@ -162,16 +162,16 @@ def _doubt(
     files = pd.DataFrame({"path": paths, "unit": units, "time": times})
     written = [pd.Timestamp(path.stat().st_mtime, unit="s") for path in paths]
     files = files[files["time"] == written].sort_values("time", kind="stable")
-    remedy = "Name a field of the layout's meta by --time."
+    remedy = "name a field of the layout's meta by --time."
     for _, own in files.groupby("unit"):
         if reason := _contradiction(own["path"].tolist(), own["time"].tolist(), layout):
             text = "Times are not known: the files state none, and they were not written in turn"
-            text = f"{text}: {reason}. The highest index of each unit is judged. {remedy}"
+            text = f"{text}: {reason}. The highest index of each unit is judged: {remedy}"
             return text, "highest"
     if files.empty:
         return "", "latest"
     text = f"{len(files)} of {len(paths)} files state no time: that at which they were written is"
-    return f"{text} taken. If they were copied since: {remedy}", "latest written"
+    return f"{text} taken. If they were copied since, {remedy}", "latest written"
 
 
 def _contradiction(paths: list[Path], times: list[pd.Timestamp], layout: Layout) -> str:
@@ -183,14 +183,10 @@ def _contradiction(paths: list[Path], times: list[pd.Timestamp], layout: Layout)
             if gap < duration / 2:
                 name = f"{printable(path)}, {duration:.3g} s long,"
                 return f"{name} follows {printable(before)} after {gap:.3g} s"
-    by_text: dict[str, list[tuple[Any, ...]]] = {}
-    for path in paths:
-        numbers = map(int, re.findall(r"\d+", str(path)))
-        by_text.setdefault(re.sub(r"\d+", "0", str(path)), []).append((*numbers, path))
-    for found in by_text.values():
-        # One of the numbers may be that of the run, beside a speed or a load.
-        fields = [field for field in list(zip(*found, strict=True))[:-1] if len(set(field)) > 1]
-        if fields and not any(list(field) == sorted(field) for field in [*fields, found]):
-            first, then = next(pair for pair in pairwise(found) if pair[0] > pair[1])
-            return f"{printable(then[-1])} follows {printable(first[-1])}"
+    numbers = [[int(number) for number in re.findall(r"\d+", str(path))] for path in paths]
+    fields = [field for field in zip(*numbers, strict=False) if len(set(field)) > 1]
+    # One of the numbers may be that of the run, beside a speed or a load.
+    if fields and not any(list(field) == sorted(field) for field in [*fields, numbers]):
+        k = next(k for k in range(1, len(paths)) if numbers[k] < numbers[k - 1])
+        return f"{printable(paths[k])} follows {printable(paths[k - 1])}"
     return ""

@@ -293,8 +293,7 @@ def statement(row: dict[str, Any], coverage: float, without_index: Array) -> str
     """
     basis, when = "No damage is known: this is the life of the population.", "of this age"
     if row["stage"] == DAMAGE:
-        basis = "Damage is present: this follows from the health index of the unit, without an "
-        basis += "onset also from its age."
+        basis = "Damage is present: this follows from health index and, without onset, age."
         when = "as long after the onset"
     interval = f"{coverage:.0%} interval from {row['n_units']} units {when}."
     if not np.isfinite(row["upper"]):
