@@ -291,8 +291,8 @@ def _trend(command: Add) -> None:
     add = command(
         "trend",
         "distance from healthy files over time: of order bins, or of lines of --bearing or --parts",
-        "0; 1 if --fail-on-alarm is given and the latest recording of a unit exceeds its limit; 2 "
-        "for invalid arguments; 3 if files failed.",
+        "0; 1 if --fail-on-alarm is given and the latest recording of a unit exceeds its limit (if "
+        "times are not known, any of them); 2 for invalid arguments; 3 if files failed.",
     )
     add("healthy", _existing, "HEALTHY", "folder of healthy files")
     _add_files(add)
@@ -303,7 +303,7 @@ def _trend(command: Add) -> None:
     add("--false-alarm", _probability, "P", "rate (default: 0.05)", default=0.05)
     add("--out", _writable, "CSV", "table (default: standard output)")
     add("--plot", _writable, "PNG", "draw the trend of each unit")
-    machine = "for zones of RMS velocity: 'group 2 rigid' of ISO 20816-3, 'class I' of 10816-1"
+    machine = "for zones of RMS vibration: 'group 2 rigid' of ISO 20816-3, 'class I' of 10816-1"
     add("--machine", str, "CLASS", machine)
     add("--fail-on-alarm", bool, None, "exit status 1 if a unit exceeds its limit")
     _add_extent(add)

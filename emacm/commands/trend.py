@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
-from collections.abc import Mapping
-from contextlib import nullcontext
+import warnings
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext, suppress
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -35,37 +39,38 @@ def run(options: argparse.Namespace) -> int:
     Returns
     -------
     int
-        0; 1 if, with ``--fail-on-alarm``, the latest recording of a unit exceeds its limit; 3 if
-        files failed.
+        0; 1 if, with ``--fail-on-alarm``, the latest recording of a unit exceeds its limit, or any
+        of it where times are not known; 3 if files failed.
     """
-    table, n_groups = _trend_of_files(options)
+    table, n_groups, remarks, judged = _trend_of_files(options)
+    has_times = judged != "highest"
     with nullcontext(sys.stdout) if options.out is None else written_whole(options.out) as out:
-        table.map(as_cell).to_csv(out, index=False)
+        rows = table if has_times else table.assign(time="")
+        rows.map(as_cell).to_csv(out, index=False)
+    whole = table[table["error"] == ""]
+    latest = whole.sort_values(["unit", "time" if has_times else "index"]).groupby("unit").tail(1)
     if options.plot is not None:
         from emacm.displays.monitoring import TrendDisplay  # matplotlib is needed only here
 
-        shown = _most_urgent(table)
-        display = TrendDisplay(shown, time_label=options.time or "time").plot()
+        shown = _most_urgent(table, latest)
+        label = options.time or "time" if has_times else "number of the file (times not known)"
+        display = TrendDisplay(shown, time_label=label).plot()
         with written_whole(options.plot) as unfinished:
             display.figure_.savefig(unfinished, dpi=150, format=options.plot.suffix[1:] or "png")
-    if options.machine and not any(name.endswith(":zone") for name in table.columns):
-        print("emacm: WARNING: --machine needs a channel in g, m/s2 or mm/s2.", file=sys.stderr)
-    latest = table[table["error"] == ""].groupby("unit", sort=True).tail(1)
-    meanings = _meanings(latest, n_groups)
+    meanings = [*_meanings(latest, n_groups), *remarks]
     print(*meanings, sep="\n", file=sys.stderr if options.out is None else sys.stdout)
     if options.out is not None:
         for row in latest.rename(columns={"index": "value"}).itertuples():
             state = "ALARM" if row.alarm else "within the limit"
-            print(f"{row.unit}: {row.value:.2f}, limit {row.limit:.2f}, {state}")
+            print(f"{row.unit}: {judged} {row.value:.2f}, limit {row.limit:.2f}, {state}")
         print(f"Table: {printable(options.out)}")
     if options.fail_on_alarm and latest["alarm"].any():
         return ALARM
     return FAILED if (table["error"] != "").any() else 0
 
 
-def _most_urgent(table: pd.DataFrame) -> pd.DataFrame:
+def _most_urgent(table: pd.DataFrame, latest: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of the 8 units whose latest index is highest, as many as a picture shows."""
-    latest = table[table["index"].notna()].groupby("unit").tail(1)
     units = (latest["index"] / latest["limit"]).set_axis(latest["unit"]).nlargest(8).index
     if len(units) < len(latest):
         print("The picture shows the 8 units with the highest latest index.", file=sys.stderr)
@@ -87,8 +92,14 @@ def _meanings(latest: pd.DataFrame, n_groups: Mapping[str, int]) -> list[str]:
     return sentences
 
 
-def _trend_of_files(options: argparse.Namespace) -> tuple[pd.DataFrame, dict[str, int]]:
-    """Return the distances of files from healthy ones, and how many groups each limit is from."""
+def _trend_of_files(
+    options: argparse.Namespace,
+) -> tuple[pd.DataFrame, dict[str, int], list[str], str]:
+    """Return the trend of files, the groups of each limit, remarks, and what is judged of a unit.
+
+    This is the "latest" recording, the "latest written", or the "highest" where times are not
+    known: those of the table are then the numbers of the files.
+    """
     layout = Layout.from_toml(options.layout)
     if options.machine is not None:
         severity_zone(0.0, options.machine)  # an unknown class is refused before files are read
@@ -97,6 +108,10 @@ def _trend_of_files(options: argparse.Namespace) -> tuple[pd.DataFrame, dict[str
     groups = read_meta(healthy, options.groups, role="--groups")
     units = None if options.unit is None else read_meta(healthy, options.unit, role="--unit")
     new_units, times = units_and_times(paths, layout, options.unit, options.time)
+    doubt, judged = "", "latest"
+    if options.time is None:
+        doubt, judged = _doubt(paths, layout, new_units or [""] * len(paths), times)
+        times = [*range(len(paths))] if judged == "highest" else times
     max_order, revolutions = extent(healthy, options)
     speed, parts = options.min_speed, parts_of_options(options)
     if parts:
@@ -116,8 +131,62 @@ def _trend_of_files(options: argparse.Namespace) -> tuple[pd.DataFrame, dict[str
     for own, row in zip(rows, table.itertuples(), strict=True):
         if not row.error:
             recording = open_recording(row.recording, layout)
-            own |= vibration_indicators(recording, options.machine, min_speed=speed)
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                own |= vibration_indicators(recording, options.machine, min_speed=speed)
+            if caught:
+                own["remarks"] = "; ".join(str(item.message) for item in caught)
             if parts:
                 own |= dict(zip(names, model[:-1].transform([recording])[0], strict=True))
+    table = table.join(pd.DataFrame(rows, index=table.index))
+    remarks = [doubt, _of_zones(table, options.machine)]
     n_groups = index.left_out_.groupby("baseline")["group"].nunique().to_dict()
-    return table.join(pd.DataFrame(rows, index=table.index)), n_groups
+    return table, n_groups, [text for text in remarks if text], judged
+
+
+def _of_zones(table: pd.DataFrame, machine: str | None) -> str:
+    """Say what is to be known about velocities and zones, or ""."""
+    if "remarks" in table:
+        noted = table[table["remarks"].notna()]
+        first = f"{noted['recording'].iloc[0]}: {noted['remarks'].iloc[0]}"
+        return f"WARNING: {len(noted)} of {len(table)} recordings have remarks. {first}"
+    if machine and not any(name.endswith(":zone") for name in table):
+        return "WARNING: --machine needs a channel in g, m/s2 or mm/s2."
+    return ""
+
+
+def _doubt(
+    paths: Sequence[Path], layout: Layout, units: Sequence[Any], times: Sequence[pd.Timestamp]
+) -> tuple[str, str]:
+    """Say which times are those at which files were written, and which recordings are judged."""
+    files = pd.DataFrame({"path": paths, "unit": units, "time": times})
+    written = [pd.Timestamp(path.stat().st_mtime, unit="s") for path in paths]
+    files = files[files["time"] == written].sort_values("time", kind="stable")
+    remedy = "name a field of the layout's meta by --time."
+    for _, own in files.groupby("unit"):
+        if reason := _contradiction(own["path"].tolist(), own["time"].tolist(), layout):
+            text = "Times are not known: the files state none, and they were not written in turn"
+            text = f"{text}: {reason}. The highest index of each unit is judged: {remedy}"
+            return text, "highest"
+    if files.empty:
+        return "", "latest"
+    text = f"{len(files)} of {len(paths)} files state no time: that at which they were written is"
+    return f"{text} taken. If they were copied since, {remedy}", "latest written"
+
+
+def _contradiction(paths: list[Path], times: list[pd.Timestamp], layout: Layout) -> str:
+    """Return why the recordings of a unit were not made when their files were written, or ""."""
+    for k, (before, path) in enumerate(pairwise(paths), 1):
+        gap = (times[k] - times[k - 1]).total_seconds()
+        with suppress(ImportError, OSError, TypeError, ValueError):  # its row states why
+            duration = open_recording(path, layout).duration
+            if gap < duration / 2:
+                name = f"{printable(path)}, {duration:.3g} s long,"
+                return f"{name} follows {printable(before)} after {gap:.3g} s"
+    numbers = [[int(number) for number in re.findall(r"\d+", str(path))] for path in paths]
+    fields = [field for field in zip(*numbers, strict=False) if len(set(field)) > 1]
+    # One of the numbers may be that of the run, beside a speed or a load.
+    if fields and not any(list(field) == sorted(field) for field in [*fields, numbers]):
+        k = next(k for k in range(1, len(paths)) if numbers[k] < numbers[k - 1])
+        return f"{printable(paths[k])} follows {printable(paths[k - 1])}"
+    return ""

@@ -87,13 +87,16 @@ class DomainDisplay(Display):
         (ax,) = drawing.panel_axes(ax, height=2.6 if self.condition else 1.7)
         table = self.frame()
         numbers = drawing.state_numbers(sorted(table["state"].astype(str)), self.healthy)
-        # Bars of states under the same condition stand side by side.
         values = table[self.condition].to_numpy(float) if self.condition else np.zeros(len(table))
-        steps = np.diff(np.unique(values))
-        width = 0.5 * (steps.min() if len(steps) else 1.0) / max(1, len(numbers))
+        known, groups = np.unique(values, return_inverse=True)
+        width = 0.5 * (np.diff(known).min() if len(known) > 1 else 1.0) / max(1, len(numbers))
+        # Bars of several states under the same condition stand side by side about its value.
+        places = table["state"].astype(str).map(list(numbers).index)
+        places = places.groupby(groups).rank("dense")
+        places -= (places.groupby(groups).transform("max") + 1) / 2
         for name, number in numbers.items():
             own = (table["state"].astype(str) == name).to_numpy()
-            heights = values[own] + width * (list(numbers).index(name) - (len(numbers) - 1) / 2)
+            heights = values[own] + width * places.to_numpy()[own]
             ends = table.loc[own, ["slowest", "fastest"]].to_numpy().T
             look = {"color": drawing.colour_of(number), "alpha": 0.6, "markersize": 4}
             look["marker"] = drawing.style_of(drawing.MARKERS, number)
@@ -102,5 +105,7 @@ class DomainDisplay(Display):
         drawing.label_axes(ax, "speed of the shaft [rpm]", self.condition or "state")
         if not self.condition:
             ax.set_yticks(width * (np.arange(len(numbers)) - (len(numbers) - 1) / 2), numbers)
+        elif len(known) <= 8:
+            ax.set_yticks(known)
         drawing.legend_above(ax)
         return ax

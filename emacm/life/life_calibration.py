@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -293,7 +293,7 @@ def statement(row: dict[str, Any], coverage: float, without_index: Array) -> str
     """
     basis, when = "No damage is known: this is the life of the population.", "of this age"
     if row["stage"] == DAMAGE:
-        basis = "Damage is present: this follows from the health index of the unit."
+        basis = "Damage is present: this follows from health index and, without onset, age."
         when = "as long after the onset"
     interval = f"{coverage:.0%} interval from {row['n_units']} units {when}."
     if not np.isfinite(row["upper"]):
@@ -317,14 +317,20 @@ class LifeModels:
         Used before the onset.
     damage : WeibullRegression, WienerProcess or None
         Used from the onset on; None if no unit of the fit had damage.
+    readings : WeibullRegression or None
+        Remaining life of all readings, whatever their columns are; with it, the age counts beside
+        the columns.
     """
 
     population: WeibullRegression
     damage: WeibullRegression | WienerProcess | None
+    readings: WeibullRegression | None = None
 
     @classmethod
-    def fit(cls, histories: list[History], model: str, threshold: float | None) -> LifeModels:
-        """Estimate both from whole units, which count equally."""
+    def fit(
+        cls, histories: list[History], model: str, threshold: float | None, *, with_age: bool
+    ) -> LifeModels:
+        """Estimate them from whole units, which count equally."""
         lives = np.array([unit.life for unit in histories])
         failed = np.array([unit.failed for unit in histories])
         no_columns, once = np.zeros((len(histories), 0)), np.ones(len(histories))
@@ -342,10 +348,40 @@ class LifeModels:
         remaining = np.concatenate([unit.remaining[unit.running] for unit in damaged])
         failed = np.repeat([unit.failed for unit in damaged], n_rows)
         weights = np.repeat(1 / np.maximum(n_rows, 1), n_rows)
-        return cls(population, WeibullRegression.fit(table, remaining, failed, weights))
+        damage = WeibullRegression.fit(table, remaining, failed, weights)
+        if not with_age:
+            return cls(population, damage)
+        readings = WeibullRegression.fit(table[:, :0], remaining, failed, weights)
+        return cls(population, damage, readings)
 
     def cdf(self, unit: History, remaining: Array) -> Array:
         """Return the probability of remaining lives, (n_readings, n_levels), of each reading."""
+        probabilities = self._without_age(unit, remaining)
+        for row, (steps, given_age) in self._given_age(unit):
+            probabilities[row] = np.interp(probabilities[row], steps, given_age)
+        return probabilities
+
+    def _given_age(self, unit: History) -> Iterator[tuple[int, tuple[Array, Array]]]:
+        """Yield for each reading steps of the probability given its columns, and given the age too.
+
+        Bayes' rule: the prior is the life of the population that survived to this age, and the
+        columns have the likelihood p(remaining life | columns) / p(remaining life), so that columns
+        without information leave the prior.
+        """
+        if self.readings is None or not isinstance(self.damage, WeibullRegression):
+            return
+        first, n_steps = unit.onset, 400
+        logs = self.damage.logs_at((np.arange(n_steps) + 0.5) / n_steps, unit.columns[first:])
+        with np.errstate(divide="ignore"):
+            ages = np.log(unit.ages[first:, np.newaxis])
+        weights = self.population.log_density(np.logaddexp(ages, logs))
+        weights -= self.readings.log_density(logs)
+        weights = np.exp(weights - weights.max(axis=1, keepdims=True))
+        for row, own in enumerate(weights, first):
+            passed = np.append(0.0, np.cumsum(own))
+            yield row, (np.linspace(0, 1, n_steps + 1), passed / passed[-1])
+
+    def _without_age(self, unit: History, remaining: Array) -> Array:
         first = unit.onset
         probabilities = np.empty(remaining.shape)
         no_columns, ages = unit.columns[:first, np.newaxis, :0], unit.ages[:first, np.newaxis]
@@ -358,11 +394,14 @@ class LifeModels:
 
     def quantiles(self, unit: History, levels: Array) -> Array:
         """Return the remaining lives with these probabilities, (n_readings, n_levels)."""
+        given = levels.copy()
+        for row, (steps, given_age) in self._given_age(unit):
+            given[row] = np.interp(levels[row], given_age, steps)
         low = np.full(levels.shape, self.population.intercept - 25.0)
         high = low + 50.0
         for _ in range(60):
             middle = (low + high) / 2
-            below = self.cdf(unit, np.exp(middle)) < levels
+            below = self._without_age(unit, np.exp(middle)) < given
             low, high = np.where(below, middle, low), np.where(below, high, middle)
         lives = np.where(levels <= 0, 0.0, np.exp(high))
         return np.where(levels >= 1, np.inf, lives)

@@ -98,6 +98,16 @@ class WeibullRegression:
         passed, hazard = (np.exp(np.minimum((x - location) / self.spread, 500.0)) for x in logs)
         return -np.expm1(passed - hazard)
 
+    def log_density(self, logs: Array) -> Array:
+        """Return the log density of lives without columns, up to a constant, from their logs."""
+        z = (logs - self.intercept) / self.spread
+        return z - np.exp(np.minimum(z, 500.0)) - logs
+
+    def logs_at(self, levels: Array, table: Array) -> Array:
+        """Return the logarithms of the lives with these probabilities, (n_readings, n_levels)."""
+        location = self.intercept + table @ self.slopes
+        return location[:, np.newaxis] + self.spread * np.log(-np.log1p(-levels))
+
 
 @dataclass(frozen=True)
 class WienerProcess:

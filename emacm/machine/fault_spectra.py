@@ -281,11 +281,12 @@ def _check_lines_are_inside(recording: Recording, top: float, channels: Any) -> 
     """Raise a ValueError if a recording is too short, or a sampling rate too low for the lines."""
     n_revolutions = _longest_stroke(recording)
     fastest = np.abs(recording.velocity).max() / (2 * np.pi)
-    speed = f"its speed (at most {60 * fastest:.4g} rpm) and the unit of it"
+    speed = f"its speed (at most {60 * fastest:.4g} rpm)"
     if n_revolutions < 10:
         raise ValueError(
             f"its longest stroke has {n_revolutions:.3g} revolutions; 10 are needed to separate "
-            f"the lines of the faults. Check {speed}, or give a longer recording."
+            f"the lines of the faults. Check {speed}, its duration ({recording.duration:.3g} s) "
+            f"and the units of both, or give a longer recording."
         )
     for name in recording.channels if channels is None else channels:
         check_channel_names(recording.channels, [name])
@@ -295,7 +296,7 @@ def _check_lines_are_inside(recording: Recording, top: float, channels: Any) -> 
                 f"the lines of the faults reach order {top:.4g}, {top * fastest:.4g} Hz at its "
                 f"highest speed, but the envelope of channel {name!r}, sampled at "
                 f"{recording.fs[name]:g} Hz, ends at {width:.4g} Hz. "
-                f"Check {speed}, or lower harmonics."
+                f"Check {speed}, this rate and the units of both, or lower harmonics."
             )
 
 

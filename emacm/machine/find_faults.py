@@ -348,7 +348,7 @@ class _Case:
         calibrated = self.healthy is not None
         limit = self.settings.suspected if calibrated else self.settings.named
         if not self.is_significant(fault):
-            return f", which background alone may reach (p = {fault.p:.2g})"
+            return f", which noise alone reaches in {100 * fault.p:.2g} % of cases"
         if fault.excess < limit:
             remedy = "" if calibrated else "; healthy recordings of the machine would decide"
             limit += fault.healthy
@@ -459,8 +459,9 @@ def _suspected(case: _Case) -> _Finding:
     reason = case.rejection(shown) if shown is case.best else case.below_limits(shown)
     causes = shown.modulated(case.faults) or [shown]
     suspected = " + ".join(fault.name for fault in causes) if likely else NONE
-    answer = f"{suspected} is suspected" if likely else "no fault"
-    text = f"{answer}: {_sentence(shown, case.faults)}{reason}"
+    text = f"{suspected} is suspected: {_sentence(shown, case.faults)}{reason}"
+    if not likely:
+        text = f"no fault: highest {_sentence(shown, case.faults, named=False)}{reason}"
     return _Finding(NONE, suspected, shown, text)
 
 
@@ -490,15 +491,19 @@ def _speed_text(measured: Measured, fault: Fault | None) -> str:
     return f"{text}: {question} Otherwise correct the geometry, or raise slip."
 
 
-def _sentence(fault: Fault, faults: Sequence[Fault]) -> str:
-    """Describe the lines of a fault."""
+def _sentence(fault: Fault, faults: Sequence[Fault], *, named: bool = True) -> str:
+    """Describe the lines of a fault; if it is not named, after "highest"."""
     name, (*others, last) = fault.name, [f"{height:z.0f}" for height in fault.heights]
     same = [f.name for f in faults if f.series.orders == fault.series.orders]
     same = [other for other in same if other != name]
     which = f"{name} (or {' or '.join(same)}: the same lines)" if same else name
-    lines = f"{which} and its harmonics are {', '.join(others)} and" if others else f"{which} is"
+    lines, verb = (f"{which} and its harmonics", "are") if others else (which, "is")
     beside = f", with {' and '.join(fault.sides)} sidebands" if fault.sides else ""
-    kind = "" if fault.series.kind in ("", "given", name) else f": {fault.series.kind}"
+    heights = f"{', '.join(others)} and {last}" if others else last
+    level = f"{heights} dB above the local background{beside}"
+    kind = "" if fault.series.kind in ("given", name) else fault.series.kind
+    if not named:
+        return f"{verb} {lines}{f' ({kind})' if kind else ''}, {level}"
     causes = [other.name for other in fault.modulated(faults)]
     cause = f", or the modulation of {' or '.join(causes)}" if causes else ""
-    return f"{lines} {last} dB above the local background{beside}{kind}{cause}"
+    return f"{lines} {verb} {level}{f': {kind}' if kind else ''}{cause}"

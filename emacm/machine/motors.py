@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
 from math import lcm
+from typing import Any
+
+import numpy as np
+from scipy.signal import periodogram
 
 from emacm._checks import check_count, check_number
 from emacm.machine.parts import Line, Part, check_mounting
+from emacm.recordings.inputs import check_channel_names
+from emacm.recordings.recording import Recording
 
 
 @dataclass(frozen=True)
@@ -117,7 +123,9 @@ class InductionMotor(Part):
     the rotor slot harmonics R ± p / (1 - s), with sidebands of the shaft if the eccentricity is
     dynamic [2]_.
 
-    ``fault_orders(motor, harmonics=2, signal="current")`` gives the lines in the current.
+    ``fault_orders(motor, harmonics=2, signal="current")`` gives the lines in the current. They are
+    those of one load: the slip changes with it, and with the slip the order of the supply. Describe
+    the motor at the load of a recording by `from_current`.
 
     References
     ----------
@@ -150,6 +158,58 @@ class InductionMotor(Part):
         if self.bars is not None:
             check_count(self.bars, "bars", at_least=2)
         check_mounting(self)
+
+    @classmethod
+    def from_current(
+        cls, recording: Recording, channel: str, pole_pairs: int, **options: Any
+    ) -> InductionMotor:
+        """Describe a motor by the slip that the supply line of a recorded current shows.
+
+        Parameters
+        ----------
+        recording : Recording
+            At constant load; its speed is that of the motor.
+        channel : str
+            A phase current.
+        pole_pairs : int
+            Half the number of poles.
+        **options
+            As for the class: bars, name.
+
+        Returns
+        -------
+        InductionMotor
+
+        Raises
+        ------
+        ValueError
+            If the highest line of the current belongs to no slip from 0 to 0.15.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from emacm import Recording
+        >>> supply = np.sin(2 * np.pi * 50 * np.arange(10_000) / 1000)
+        >>> run = Recording({"phase": supply}, 1000, velocity=2 * np.pi * 1440 / 60)
+        >>> round(InductionMotor.from_current(run, "phase", 2).slip, 4)
+        0.04
+        """
+        check_count(pole_pairs, "pole_pairs")
+        check_channel_names(recording.channels, [channel])
+        synchronous = pole_pairs * float(np.abs(recording.velocity).mean()) / (2 * np.pi)  # Hz
+        signal, fs = np.asarray(recording.signals[channel], np.float64), recording.fs[channel]
+        frequencies, power = periodogram(signal, fs, "hann", detrend="constant")
+        peak = int(np.clip(power.argmax(), 1, len(power) - 2))
+        before, top, after = np.log(power[peak - 1 : peak + 2])
+        place = peak + (before - after) / (2 * (before - 2 * top + after))  # of a parabola
+        slip = 1 - synchronous / (place * frequencies[1])
+        if not 0 < slip <= 0.15:
+            raise ValueError(
+                f"the highest line of channel {channel!r} is at {place * frequencies[1]:.4g} Hz; "
+                f"the supply of {pole_pairs} pole pairs is at {synchronous:.4g} to "
+                f"{synchronous / 0.85:.4g} Hz. Check pole_pairs, the speed and the channel."
+            )
+        return cls(pole_pairs, float(slip), **options)
 
     @property
     def supply_order(self) -> float:

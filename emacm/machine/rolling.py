@@ -26,13 +26,16 @@ class Bearing(Part):
         Revolutions of the rotating ring per revolution of the motor shaft.
     rotating : {"inner", "outer"}
         The rotating ring; the other one is stationary.
+    few_balls : bool
+        Confirms that the balls fill less than 30 % of the pitch circle.
     name : str
         Prefix of the names of its lines; distinguishes two bearings.
 
     Raises
     ------
     TypeError, ValueError
-        If a value is out of range, or the balls do not fit.
+        If a value is out of range, the balls do not fit, or they fill less than 30 % of the pitch
+        circle, as if the diameters were in two units: in bearings, they fill half of it or more.
 
     See Also
     --------
@@ -73,6 +76,7 @@ class Bearing(Part):
     _: KW_ONLY
     ratio: float = 1.0
     rotating: str = "inner"
+    few_balls: bool = False
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -105,13 +109,15 @@ class BallScrew(Part):
         Revolutions of the screw (or nut) per revolution of the motor shaft.
     rotating : {"screw", "nut"}
         The rotating part; the other one may travel.
+    few_balls : bool
+        Confirms that the balls fill less than 30 % of the pitch circle.
     name : str
         Prefix of the names of its lines.
 
     Raises
     ------
     TypeError, ValueError
-        If a value is out of range, or the balls do not fit.
+        As `Bearing`.
 
     See Also
     --------
@@ -151,6 +157,7 @@ class BallScrew(Part):
     _: KW_ONLY
     ratio: float = 1.0
     rotating: str = "screw"
+    few_balls: bool = False
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -212,12 +219,19 @@ def _check_rolling(part: Bearing | BallScrew) -> None:
 
 
 def _check_fit(part: Bearing | BallScrew, n_balls: float, lead_angle: float = 0.0) -> None:
-    """Check that the balls fit in one row, or one turn."""
+    """Check that the balls fit in one row, or one turn, and fill a usual part of it."""
     half_angle = asin(part.ball_diameter * cos(lead_angle) / part.pitch_diameter)
     if n_balls * half_angle > pi * (1 + 1e-9):  # more than the whole circle
         raise ValueError(
             f"{n_balls:g} balls of diameter {part.ball_diameter:g} do not fit on a pitch circle of "
             f"diameter {part.pitch_diameter:g}. Give those of one row or turn, in one unit."
+        )
+    share = n_balls * half_angle / pi
+    if share < 0.3 and not part.few_balls:
+        raise ValueError(
+            f"{n_balls:g} balls of diameter {part.ball_diameter:g} fill {share:.0%} of a pitch "
+            f"circle of diameter {part.pitch_diameter:g}; those of bearings fill half of it or "
+            f"more. Give both diameters in one unit, or confirm the geometry by few_balls=True."
         )
 
 

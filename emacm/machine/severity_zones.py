@@ -12,28 +12,30 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.signal import welch
 
 from emacm._checks import check_choice, check_number, check_real_array, check_signal, located
+from emacm._statements import warn
+from emacm.findings.quality import check_channel
+from emacm.recordings.names import unit_ratio
 from emacm.recordings.recording import Recording
 from emacm.stroke_features.statistics import RecordingStatistics
 
-# Standard acceleration of gravity: 9.80665 m/s2.
-_TO_MM_PER_S2 = {"m/s2": 1e3, "m/s²": 1e3, "m/s^2": 1e3, "mm/s2": 1.0, "g": 9806.65}
-
 _LARGE = ("ISO 20816-3", "above 300 kW, or shaft height from 315 mm")
 _MEDIUM = ("ISO 20816-3", "15 to 300 kW, or shaft height 160 to 315 mm")
-_CLASSES: dict[str, tuple[float, float, float, str, str]] = {
-    "group 1 rigid": (2.3, 4.5, 7.1, *_LARGE),
-    "group 1 flexible": (3.5, 7.1, 11.0, *_LARGE),
-    "group 2 rigid": (1.4, 2.8, 4.5, *_MEDIUM),
-    "group 2 flexible": (2.3, 4.5, 7.1, *_MEDIUM),
-    "class I": (0.71, 1.8, 4.5, "ISO 10816-1", "small machines, electric motors up to 15 kW"),
-    "class II": (1.12, 2.8, 7.1, "ISO 10816-1", "medium machines, motors of 15 to 75 kW"),
-    "class III": (1.8, 4.5, 11.2, "ISO 10816-1", "large machines on rigid foundations"),
-    "class IV": (2.8, 7.1, 18.0, "ISO 10816-1", "large machines on flexible foundations"),
+_NO_DISPLACEMENT = (np.nan, np.nan, np.nan, "ISO 10816-1")
+_CLASSES: dict[str, tuple[Any, ...]] = {
+    "group 1 rigid": (2.3, 4.5, 7.1, 29.0, 57.0, 90.0, *_LARGE),
+    "group 1 flexible": (3.5, 7.1, 11.0, 45.0, 90.0, 140.0, *_LARGE),
+    "group 2 rigid": (1.4, 2.8, 4.5, 22.0, 45.0, 71.0, *_MEDIUM),
+    "group 2 flexible": (2.3, 4.5, 7.1, 37.0, 71.0, 113.0, *_MEDIUM),
+    "class I": (0.71, 1.8, 4.5, *_NO_DISPLACEMENT, "small machines, motors up to 15 kW"),
+    "class II": (1.12, 2.8, 7.1, *_NO_DISPLACEMENT, "medium machines, motors of 15 to 75 kW"),
+    "class III": (1.8, 4.5, 11.2, *_NO_DISPLACEMENT, "large machines on rigid foundations"),
+    "class IV": (2.8, 7.1, 18.0, *_NO_DISPLACEMENT, "large machines on flexible foundations"),
 }
+_QUANTITIES = ("velocity", "displacement")
 ZONES = {
     "A": "newly commissioned machines",
     "B": "acceptable for unrestricted long-term operation",
@@ -48,9 +50,10 @@ def severity_zones() -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row per machine class: "A/B", "B/C" and "C/D" [mm/s rms, 10 to 1000 Hz], "source" and
-        "machines". The boundaries of groups 1 and 2 are those of ISO 20816-3 [1]_; those
-        of classes I to IV, of ISO 10816-1 [2]_, are informative.
+        One row per machine class: the boundaries of the velocity, "A/B", "B/C" and "C/D" [mm/s
+        rms], and of the displacement, "A/B [um]", "B/C [um]" and "C/D [um]" [micrometres rms],
+        "source" and "machines". The boundaries of groups 1 and 2 are those of ISO 20816-3 [1]_;
+        those of classes I to IV, of ISO 10816-1 [2]_, are informative, and without displacement.
 
     References
     ----------
@@ -65,19 +68,25 @@ def severity_zones() -> pd.DataFrame:
     >>> severity_zones().loc["group 2 rigid", ["A/B", "B/C", "C/D"]].tolist()
     [1.4, 2.8, 4.5]
     """
-    columns = ["A/B", "B/C", "C/D", "source", "machines"]
+    limits = ["A/B", "B/C", "C/D"]
+    columns = [*limits, *(f"{name} [um]" for name in limits), "source", "machines"]
     return pd.DataFrame.from_dict(_CLASSES, orient="index", columns=columns)
 
 
-def severity_zone(velocity: ArrayLike, machine_class: str) -> Any:
-    """Return the zone of a broad-band vibration velocity.
+def severity_zone(
+    velocity: ArrayLike, machine_class: str, displacement: ArrayLike | None = None
+) -> Any:
+    """Return the zone of a broad-band vibration velocity, and of a displacement if it is given.
 
     Parameters
     ----------
     velocity : float or array-like
-        Velocity on a bearing housing [mm/s rms], 10 to 1000 Hz.
+        Velocity on a bearing housing [mm/s rms], 10 to 1000 Hz; below 600 rpm, 2 to 1000 Hz.
     machine_class : str
         Row of `severity_zones`, such as "group 2 rigid" or "class I".
+    displacement : float or array-like, optional
+        Displacement in the same band [micrometres rms]; the stricter of both zones holds. Without
+        effect for classes I to IV, which have no limits of it.
 
     Returns
     -------
@@ -88,7 +97,7 @@ def severity_zone(velocity: ArrayLike, machine_class: str) -> Any:
     Raises
     ------
     TypeError, ValueError
-        If the class is unknown, or a velocity is negative or not finite.
+        If the class is unknown, or a velocity or displacement is negative or not finite.
 
     See Also
     --------
@@ -101,10 +110,14 @@ def severity_zone(velocity: ArrayLike, machine_class: str) -> Any:
     ('C', ['A', 'D'])
     """
     check_choice(machine_class, "machine_class", tuple(_CLASSES))
-    values = check_real_array(velocity, "velocity")
-    if not (np.isfinite(values).all() and (values >= 0).all()):
-        raise ValueError(f"velocity must be finite and not negative, got {velocity!r}.")
-    zones = np.array(list(ZONES))[np.searchsorted(_CLASSES[machine_class][:3], values)]
+    limits = np.reshape(_CLASSES[machine_class][:6], (2, 3)).astype(np.float64)
+    numbers: Any = 0
+    for own, given, name in zip(limits, (velocity, displacement), _QUANTITIES, strict=True):
+        values = check_real_array(0.0 if given is None else given, name)
+        if not (np.isfinite(values).all() and (values >= 0).all()):
+            raise ValueError(f"{name} must be finite and not negative, got {given!r}.")
+        numbers = np.maximum(numbers, np.searchsorted(own, values))  # nothing exceeds a NaN
+    zones = np.array(list(ZONES))[numbers]
     return str(zones) if zones.ndim == 0 else zones
 
 
@@ -126,10 +139,10 @@ def vibration_velocity(
         Acceleration.
     fs : float
         Sampling rate [Hz].
-    unit : {"m/s2", "g", "mm/s2"}
-        Unit of the acceleration.
+    unit : str
+        Unit of the acceleration: "m/s2", "mm/s2" (or "m/s²", "mm/s^2" and so on) or "g".
     band : (float, float)
-        Lowest and highest frequency [Hz].
+        Lowest and highest frequency [Hz]; of a machine below 600 rpm, (2.0, 1000.0).
 
     Returns
     -------
@@ -144,7 +157,7 @@ def vibration_velocity(
 
     See Also
     --------
-    emacm.monitoring.vibration_severity : Its RMS.
+    emacm.monitoring.vibration_severity : Velocity and displacement, in the band of the speed.
 
     Examples
     --------
@@ -154,50 +167,77 @@ def vibration_velocity(
     >>> round(vibration_velocity(10 * np.sin(2 * np.pi * 160 * times), 5000), 2)
     7.03
     """
-    signal = check_signal(acceleration, "acceleration").astype(np.float64)
+    return _motion(_in_mm(acceleration, unit), fs, band)[0]
+
+
+def _in_mm(acceleration: Any, unit: str) -> NDArray[np.float64]:
+    """Return an acceleration in mm/s2."""
+    factor = unit_ratio(unit, "mm/s2")
+    if factor is None:
+        raise ValueError(f"unit must be an acceleration, as m/s2, mm/s2 or g, got {unit!r}.")
+    return factor * check_signal(acceleration, "acceleration").astype(np.float64)
+
+
+def _motion(acceleration: Any, fs: float, band: tuple[float, float]) -> tuple[float, float]:
+    """Return velocity [mm/s rms] and displacement [um rms] of an acceleration [mm/s2]."""
     fs = check_number(fs, "fs", above=0, unit="Hz")
-    check_choice(unit, "unit", tuple(_TO_MM_PER_S2))
     low = check_number(band[0], "the lowest frequency of band", above=0, unit="Hz")
     name = "the highest frequency of band, at most half the sampling rate,"
     high = check_number(band[1], name, above=low, at_most=fs / 2, unit="Hz")
-    if len(signal) < 10 / low * fs:
+    if len(acceleration) < 10 / low * fs:
         raise ValueError(
             f"acceleration must last at least {10 / low:g} s, ten periods of {low:g} Hz, got "
-            f"{len(signal) / fs:g} s. Record longer."
+            f"{len(acceleration) / fs:g} s. Record longer."
         )
-    n_segment = min(len(signal), round(4 * fs))  # so that lines are 1/4 Hz apart
-    frequencies, density = welch(signal, fs, nperseg=n_segment, detrend="constant")
-    inside = (frequencies >= low) & (frequencies <= high)
-    power = np.sum(density[inside] / (2 * np.pi * frequencies[inside]) ** 2) * frequencies[1]
-    return float(_TO_MM_PER_S2[unit] * np.sqrt(power))
+    n_segment = min(len(acceleration), round(60 / low * fs))  # lines are 1/60 of `low` apart
+    frequencies, density = welch(acceleration, fs, nperseg=n_segment, detrend="constant")
+    step = frequencies[1]
+    # A tone at an end of the band counts in full: the next line has a sixth of its power.
+    inside = (frequencies > low - 1.5 * step) & (frequencies < high + 1.5 * step)
+    power, speed = density[inside] * step, 2 * np.pi * frequencies[inside]
+    return float(np.sqrt(np.sum(power / speed**2))), float(1e3 * np.sqrt(np.sum(power / speed**4)))
 
 
 def vibration_severity(recording: Recording, machine_class: str) -> pd.DataFrame:
-    """Return velocity and zone of each acceleration channel of a recording.
+    """Return velocity, displacement and zone of each acceleration channel of a recording.
 
     Parameters
     ----------
     recording : Recording
         With `units`: channels in "g", "m/s2" or "mm/s2" are accelerations, the others are left
-        out.
+        out. Its speed decides the band: from 10 Hz, below 600 rpm from 2 Hz, up to 1000 Hz.
     machine_class : str
         Row of `severity_zones`.
 
     Returns
     -------
     DataFrame
-        One row per acceleration channel: "velocity" [mm/s rms], "zone", "meaning" and "source".
+        One row per acceleration channel: "velocity" [mm/s rms], "displacement" [micrometres rms],
+        "zone" (the stricter one of both), "meaning" and "source".
 
     Raises
     ------
     TypeError, ValueError
-        If no channel is an acceleration, and as for `vibration_velocity`; the message gives the
-        channel.
+        If no channel is an acceleration, a channel is constant, the speed is outside of 120 to
+        30,000 rpm, to which ISO 20816-3 applies, and as for `vibration_velocity`; the message gives
+        the channel.
+
+    Warns
+    -----
+    EmacmWarning
+        If a channel has a defect (clipped, drop-outs and so on), or more than 10 % of its velocity
+        or displacement is that of samples far beyond the others (spikes).
 
     See Also
     --------
     emacm.monitoring.severity_zone : The zone of ISO 20816-3.
     emacm.monitoring.vibration_indicators : With crest factor and kurtosis.
+
+    Notes
+    -----
+    Annex A of ISO 10816-3 lowers the band to 2 Hz below 600 rpm, and 5.2.3 lets the stricter zone
+    of velocity and displacement hold. Here it is lowered if a tenth of the motion is not above
+    600 rpm; the median of the speed decides whether the standard applies.
 
     Examples
     --------
@@ -210,17 +250,18 @@ def vibration_severity(recording: Recording, machine_class: str) -> pd.DataFrame
     """
     if not isinstance(recording, Recording):
         raise TypeError(f"recording must be a Recording, got {type(recording).__name__}.")
-    channels = [x for x in recording.channels if recording.units.get(x) in _TO_MM_PER_S2]
+    channels = [x for x in recording.channels if _is_acceleration(recording, x)]
     if not channels:
         raise ValueError(
-            f"no channel of {list(recording.channels)} has a unit of acceleration "
-            f"({', '.join(_TO_MM_PER_S2)}); the units are {dict(recording.units)}. Give "
-            f"units={{...}} to the recording."
+            f"no channel of {list(recording.channels)} has a unit of acceleration (as m/s2, mm/s2 "
+            f"or g); the units are {dict(recording.units)}. Give units={{...}} to the recording; "
+            f"the RMS of a measured velocity is judged by severity_zone."
         )
-    table = pd.DataFrame({"velocity": {name: _velocity_of(recording, name) for name in channels}})
-    table["zone"] = severity_zone(table["velocity"].to_numpy(), machine_class)
+    motions = [_motion_of(recording, name, 0.0) for name in channels]
+    table = pd.DataFrame(motions, channels, _QUANTITIES)
+    table["zone"] = severity_zone(table["velocity"], machine_class, table["displacement"])
     table["meaning"] = table["zone"].map(ZONES)
-    table["source"] = _CLASSES[machine_class][3]
+    table["source"] = severity_zones().loc[machine_class, "source"]
     return table
 
 
@@ -232,8 +273,9 @@ def vibration_indicators(
     Parameters
     ----------
     recording : Recording
-        If `units` states an acceleration ("g", "m/s2", "mm/s2"), the channel also has a velocity,
-        10 to 1000 Hz, of the whole recording; the others are of the samples in strokes.
+        If `units` states an acceleration ("g", "m/s2", "mm/s2"), the channel also has a velocity
+        and a displacement, as of `vibration_severity`, of the whole recording; the others are of
+        the samples in strokes.
     machine_class : str, optional
         Row of `severity_zones`. None: no zone is stated.
     min_speed : float
@@ -242,14 +284,20 @@ def vibration_indicators(
     Returns
     -------
     dict
-        "channel:rms", "channel:crest_factor" and "channel:kurtosis"; "channel:velocity [mm/s]" and
-        "channel:zone". What is undefined for a channel is left out: the kurtosis of a constant, the
-        velocity of a recording that is shorter than 1 s or sampled below 2000 Hz.
+        "channel:rms", "channel:crest_factor" and "channel:kurtosis"; "channel:velocity [mm/s]",
+        "channel:displacement [um]" and "channel:zone". What is undefined for a channel is left out:
+        the kurtosis of a constant, the velocity of a recording that is shorter than 1 s (below
+        600 rpm, 5 s), sampled below 2000 Hz or of a speed outside of the standard.
 
     Raises
     ------
     TypeError, ValueError
         If the class is unknown.
+
+    Warns
+    -----
+    EmacmWarning
+        As `vibration_severity`; with a class, also of an acceleration that has no zone, and why.
 
     See Also
     --------
@@ -262,10 +310,10 @@ def vibration_indicators(
     >>> tone = 3 * np.sin(2 * np.pi * 25 * np.arange(8000) / 4000)
     >>> recording = Recording({"b": tone}, 4000, velocity=157.0, units={"b": "m/s2"})
     >>> indicators = vibration_indicators(recording, "class I")
-    >>> indicators.pop("b:zone"), list(indicators)
-    ('D', ['b:rms', 'b:crest_factor', 'b:kurtosis', 'b:velocity [mm/s]'])
+    >>> indicators.pop("b:zone"), list(indicators)[3:]
+    ('D', ['b:velocity [mm/s]', 'b:displacement [um]'])
     >>> [round(value, 2) for value in indicators.values()]
-    [2.12, 1.41, 1.5, 13.51]
+    [2.12, 1.41, 1.5, 13.51, 86.03]
     """
     if machine_class is not None:
         check_choice(machine_class, "machine_class", tuple(_CLASSES))
@@ -276,16 +324,64 @@ def vibration_indicators(
             with suppress(ValueError):
                 value = RecordingStatistics((name,), **options).fit_transform([recording])
                 indicators[f"{channel}:{name}"] = float(np.asarray(value)[0, 0])
-        with suppress(ValueError):  # no acceleration, shorter than 1 s, or sampled below 2000 Hz
-            velocity = _velocity_of(recording, channel)
-            indicators[f"{channel}:velocity [mm/s]"] = velocity
+        if not _is_acceleration(recording, channel):
+            continue
+        try:
+            velocity, displacement = _motion_of(recording, channel, min_speed)
+        except ValueError as error:
             if machine_class is not None:
-                indicators[f"{channel}:zone"] = severity_zone(velocity, machine_class)
+                warn("severity", f"no zone: {error}", channel=channel)
+            continue
+        indicators[f"{channel}:velocity [mm/s]"] = velocity
+        indicators[f"{channel}:displacement [um]"] = displacement
+        if machine_class is not None:
+            zone = severity_zone(velocity, machine_class, displacement)
+            indicators[f"{channel}:zone"] = zone
     return indicators
 
 
-def _velocity_of(recording: Recording, channel: str) -> float:
-    """Return the velocity of a channel of acceleration [mm/s rms]."""
-    signal, fs = recording.signals[channel], recording.fs[channel]
+def _is_acceleration(recording: Recording, channel: str) -> bool:
+    return unit_ratio(recording.units.get(channel, ""), "m/s2") is not None
+
+
+def _motion_of(recording: Recording, channel: str, min_speed: float) -> tuple[float, float]:
+    """Return velocity [mm/s rms] and displacement [um rms] of a channel of acceleration."""
+    fs = recording.fs[channel]
     with located(f"channel {channel!r}"):
-        return vibration_velocity(signal, fs, unit=recording.units.get(channel, ""))
+        band = _band_of(recording, min_speed)
+        defect = check_channel(recording.series[channel], channel).defect
+        if defect is not None and defect.kind == "constant":
+            raise ValueError(defect.text)
+        signal = _in_mm(recording.signals[channel], recording.units[channel])
+        velocity, displacement = _motion(signal, fs, band)
+        # Spikes are few samples beyond ten standard deviations of normal noise.
+        middle = np.median(signal)
+        distance = np.abs(signal - middle)
+        most = 15 * np.median(distance)
+        usual = _motion(np.clip(signal, middle - most, middle + most), fs, band)
+    if defect is not None:
+        warn(defect.kind, f"{defect.text}: its velocity is uncertain", channel=channel)
+    is_smaller = usual[0] < 0.9 * velocity or usual[1] < 0.9 * displacement
+    if is_smaller and np.mean(distance > most) < 0.01:
+        place = int(distance.argmax())
+        text = (
+            f"channel {channel!r} has spikes, the largest at sample {place} ({place / fs:.6g} s): "
+            f"{velocity:.3g} mm/s and {displacement:.3g} um rms, but {usual[0]:.3g} mm/s and "
+            f"{usual[1]:.3g} um without them. If they are no vibration, repair them or cut the "
+            f"recording there"
+        )
+        warn("spike", text, channel=channel)
+    return velocity, displacement
+
+
+def _band_of(recording: Recording, min_speed: float) -> tuple[float, float]:
+    """Return the band of the standard for the speed of a recording [Hz]."""
+    speeds = np.abs(recording.velocity)
+    moving = speeds[speeds > min_speed] if (speeds > min_speed).any() else np.zeros(1)
+    low, usual = np.round(np.quantile(moving, [0.1, 0.5]) * 30 / np.pi)
+    if not 120 <= usual <= 30_000:
+        raise ValueError(
+            f"its speed of {usual:g} rpm is outside of 120 to 30,000 rpm, to which ISO 20816-3 "
+            f"applies. Check the speed and its unit; judge changes against a baseline."
+        )
+    return (2.0 if low <= 600 else 10.0), 1000.0

@@ -310,11 +310,8 @@ def test_a_gear_beside_a_bearing_needs_healthy_recordings():
     ("options", "error", "match"),
     [
         ({"parts": Motor(4)}, ValueError, "no lines of damage. Add a Bearing"),
-        ({"X": []}, ValueError, "X contains no recording"),
         ({"X": running(seconds=1)}, TypeError, r"write \[recording\]"),
-        ({"parts": []}, TypeError, "at least one part"),
         ({"channels": ["lvdt"]}, ValueError, "recording 0.*no channel 'lvdt'"),
-        ({"false_alarm": 0}, ValueError, "false_alarm must be"),
         ({"false_alarm": 1e-4}, ValueError, "false_alarm = 0.0001 is below 0.002"),
         ({"X": [running(seconds=0.2)]}, ValueError, "5.83 revolutions; 10 are needed"),
         ({"parts": {"mesh": 61.0}}, ValueError, r"channel 'casing', sampled at 12000 Hz, ends at"),

@@ -32,12 +32,6 @@ def test_noise_has_the_velocity_of_its_density():
     assert vibration_velocity(noise, fs) == pytest.approx(expected, rel=0.03)
 
 
-def test_units_of_acceleration_are_converted():
-    signal = tone(40.0, 2.0)
-    in_g = vibration_velocity(signal / 9.80665, 5120.0, unit="g")
-    assert in_g == pytest.approx(vibration_velocity(signal, 5120.0), rel=1e-12)
-
-
 def test_boundaries_are_those_of_the_standards():
     table = severity_zones()
     boundaries = table[["A/B", "B/C", "C/D"]]
@@ -65,8 +59,6 @@ def test_a_recording_is_judged_by_its_acceleration_channels():
 def test_unsuitable_input_is_refused():
     with pytest.raises(ValueError, match=r"half the sampling rate, .* at most 800, got 1000"):
         vibration_velocity(np.ones(5000), 1600.0)
-    with pytest.raises(ValueError, match=r"at least 1 s, ten periods of 10 Hz, got 0.1 s"):
-        vibration_velocity(np.ones(2560), 25_600.0)
     with pytest.raises(ValueError, match="machine_class must be one of"):
         severity_zone(1.0, "class V")
     with pytest.raises(ValueError, match="velocity must be finite and not negative"):
