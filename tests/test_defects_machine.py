@@ -224,7 +224,7 @@ def test_a_recording_without_a_fault_has_its_highest_lines_and_how_often_noise_r
     recording = Recording({"b": noise}, 10_000, velocity=2 * np.pi * 25)
     row = find_faults([recording], Bearing(9, 7.94, 39.04)).iloc[0]
     fault = row[["BPFO", "BPFI", "BSF"]].astype(float).idxmax()
-    share = f"which noise alone reaches in {100 * row[f'p({fault})']:.2g} % of cases"
+    share = f"which noise alone reaches in {100 * row[f'p({fault})']:.0f} % of cases"
     assert row["explanation"].startswith(f"no fault: highest are {fault} and its harmonics (")
     assert row["explanation"].endswith(share)
 
