@@ -348,7 +348,8 @@ class _Case:
         calibrated = self.healthy is not None
         limit = self.settings.suspected if calibrated else self.settings.named
         if not self.is_significant(fault):
-            return f", which noise alone reaches in {100 * fault.p:.{0 if fault.p > 0.1 else 1}f} % of cases"
+            digits = 0 if fault.p >= 0.1 else 1
+            return f", which noise alone reaches in {100 * fault.p:.{digits}f} % of cases"
         if fault.excess < limit:
             remedy = "" if calibrated else "; healthy recordings of the machine would decide"
             limit += fault.healthy
