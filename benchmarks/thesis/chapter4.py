@@ -221,7 +221,8 @@ def _verdict(correct: Mapping[str, pd.Series]) -> Verdict:
         "Chapter 4, can a degraded unit be told from a healthy one: not by this design, as one "
         "unit of each cannot separate the fault from the unit. Correct decisions with a "
         f"classifier for each condition [%]: {thesis} as in the thesis; {units} with two healthy "
-        f"units, of which one is called degraded; {fault} with one unit without and with the fault. The fault itself is seen by: "
+        f"units, of which one is called degraded; {fault} with one unit without and with the "
+        "fault. The fault itself is seen by: "
         f"{', '.join(SIGNALS[c] for c in sees) or 'none'}.{''.join(both)}",
         _CONTROLS,
         first=True,
