@@ -34,7 +34,7 @@ QUESTIONS = {  # and what its page must say
     "add a sensor": ("plot_add_a_sensor", "shaft_fs"),
     "cite": ("cite", "cff-version"),
     "report a bug": ("contributing", PROJECT["urls"]["Issues"]),
-    "how many recordings": ("how_many", "miss_rate_limit"),
+    "how many recordings do I need": ("plot_how_many_recordings", "29, if none is missed"),
 }
 
 
@@ -54,6 +54,16 @@ def test_examples_ask_a_question_and_are_short():
         lines = [line for line in code.splitlines() if line.strip()]
         assert text.splitlines()[1].endswith("?"), example
         assert len(lines) < 40, example
+
+
+def test_each_display_is_in_the_gallery_and_the_guide_is_in_the_order_of_its_numbers():
+    gallery = "".join(
+        path.read_text(encoding="utf-8") for path in (ROOT / "notebooks/gallery").glob("*/*.py")
+    )
+    assert [name for name in displays.__all__ if name not in gallery] == []
+    guide = (ROOT / "notebooks/guide.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^(\d\d_\w+)$", guide, flags=re.M)
+    assert listed == sorted(path.stem for path in (ROOT / "notebooks").glob("*.ipynb"))
 
 
 def built(folder):
