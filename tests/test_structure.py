@@ -116,9 +116,16 @@ def test_every_module_has_its_place_in_the_order():
     assert {place(module) for module in MODULES} == set(ORDER)
 
 
-def test_contributing_lists_the_subpackages_in_this_order():
-    text = (FOLDER.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| (`.*?) \|", text, flags=re.M)
+@pytest.mark.parametrize(
+    ("page", "row"),
+    [
+        ("CONTRIBUTING.md", r"^\| (`.*?) \|"),
+        ("notebooks/layers.svg", r'class="name"[^>]*>(.*?)</text>'),
+    ],
+)
+def test_the_pages_list_the_subpackages_in_this_order(page, row):
+    text = (FOLDER.parent / page).read_text(encoding="utf-8")
+    rows = re.findall(row, text, flags=re.M)
     assert [name.strip("`/") for row in rows for name in row.split(", ")] == ORDER[1:]
 
 
