@@ -61,10 +61,6 @@ def assert_runs_as_kept(path, *where):
         assert kinds == kinds_kept, cell.source
 
 
-def test_the_notebooks_are_numbered_as_they_are_read():
-    assert [path.stem[:2] for path in NOTEBOOKS] == [f"{n:02}" for n in range(1, 14)]
-
-
 @pytest.mark.parametrize("path", **NAMES)
 def test_a_notebook_is_kept_with_its_pictures_and_small(path):
     notebook = nbformat.read(path, as_version=4)

@@ -118,14 +118,6 @@ def test_all_blocks_run_on_the_files_of_the_example(tmp_path, monkeypatch, capsy
     assert len(pages) == len(decided) + decided["unit"].nunique() + 2
 
 
-def test_there_are_two_commands_and_they_install_before_they_run():
-    demo, tests, *_ = code_blocks("sh")
-    assert "pip install" in demo
-    assert demo.strip().endswith("-m emacm demo")
-    assert "pip install" in tests
-    assert "-m pytest" in tests
-
-
 def test_every_link_leads_to_a_file_or_a_heading():
     headings = {
         "#" + re.sub(r"[^a-z0-9 -]", "", line.lstrip("# ").lower()).replace(" ", "-")
