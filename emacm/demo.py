@@ -13,6 +13,7 @@ import joblib
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.signal import welch
 from sklearn.decomposition import PCA
 from sklearn.model_selection import GridSearchCV, GroupKFold, ParameterGrid
 from sklearn.pipeline import Pipeline, make_pipeline
@@ -22,8 +23,7 @@ from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.families import family_costs
 from emacm.decisions.metrics import expected_cost, neg_expected_cost
 from emacm.displays import DecisionRegionsDisplay, OrderSpectrumDisplay
-from emacm.displays.drawing import offscreen_panels
-from emacm.machine.fault_orders import fault_orders
+from emacm.displays.drawing import PLAIN, decibels, offscreen_panels
 from emacm.models.model_files import load_model, save_model
 from emacm.models.scoring import score
 from emacm.orders.bin_transformer import BinTransformer
@@ -65,7 +65,7 @@ def simulated_demo(out: Path, *, n_jobs: int | None = None) -> None:
     print(f"\nModel saved as {file}, loaded again, and applied to recordings of the test set:")
     table = score(load_model(file), others[::6]).assign(true=truths[::6]).round(3)
     print(table.filter(regex=r"true|decision|expected_cost|typicality|P\(").to_string(index=False))
-    _draw(models, recordings, states, out / "simulated.png")
+    draw_picture(models, others, truths, out / "simulated.png")
 
 
 def cost_matrix(missed: float) -> pd.DataFrame:
@@ -141,26 +141,49 @@ def _search(
     return search.best_estimator_.set_params(orderpsd__memory=None)
 
 
-def _draw(
+def draw_picture(
     models: Mapping[float, Pipeline], recordings: list[Recording], states: NDArray[Any], file: Path
 ) -> None:
-    """Draw the order spectra by state, and the decision regions under each cost matrix."""
-    figure, (spectra, regions) = offscreen_panels(2, 2, height=7.4)
-    model = models[4.0]
-    psd = model[:2].transform(recordings)
-    known = {name: o for r in recordings for name, (o,) in r.meta["orders"].items()}
-    screw, ring = known["screw"], known["inner ring"]
-    marks = {  # Eq. (2.4): in the current, a fault modulates the supply at order 6
-        "current_a": {"screw-6": screw - 6, "6+BPFI": 6 + ring, "6+screw": 6 + screw},
-        "accelerometer": fault_orders({"screw": screw, "BPFI": ring}, harmonics=3, max_order=24),
-    }
-    for ax, (channel, unit) in zip(spectra, CHANNELS.items(), strict=True):
-        style = {"unit": unit, "max_order": 24, "fault_orders": marks[channel]}
-        OrderSpectrumDisplay.from_table(psd, channel, labels=states, ax=ax, **style)
+    """Draw one spectrum over frequency and over orders, and the decisions under both costs."""
+    figure, (spectra, regions) = offscreen_panels(2, 2, height=6.2)
+    _draw_spectra(spectra, max(recordings, key=lambda r: r.meta["severity"]))
     names = ("principal component 1", "principal component 2")
-    plane = model[:-1].transform(recordings)
-    for ax, (missed, priced) in zip(regions, models.items(), strict=True):
-        DecisionRegionsDisplay.from_estimator(priced[-1], plane, states, names=names, ax=ax)
+    plane = np.asarray(models[4.0][:-1].transform(recordings))
+    first, second = (model[-1].predict(plane) for model in models.values())
+    changed = plane[first != second]
+    low, high = plane.min(axis=0) - 0.5, plane.max(axis=0) + 0.5
+    entries: dict[str, Any] = {}
+    for ax, (missed, model) in zip(regions, models.items(), strict=True):
+        entries |= DecisionRegionsDisplay.from_estimator(
+            model[-1], plane, states, names=names, ax=ax
+        ).entries_
+        ring = ax.scatter(*changed.T, s=90, facecolors="none", edgecolors="black", linewidths=1.4)
+        ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         ax.set_title(f"a missed detection costs {missed:g}", fontsize=10)
+        ax.get_legend().remove()
+    entries["another decision at the other cost"] = (ring,)
+    place = {"loc": "outside lower center", "ncols": 3, "fontsize": 8, "frameon": False}
+    figure.legend([*entries.values()], [*entries], title="area: decision, marker: truth", **place)
     figure.savefig(file, dpi=150)
-    print(f"\nOrder spectra and decision regions: {file}")
+    print(f"\nSpectra and decision regions: {file}")
+
+
+def _draw_spectra(axes: NDArray[np.object_], recording: Recording) -> None:
+    """Draw the power spectral density of one current over frequency, and over orders."""
+    state, ((fault, *_),) = recording.meta["label"], recording.meta["orders"].values()
+    current, fs = recording.signals["current_a"], recording.fs["current_a"]
+    hertz, psd = welch(current, fs, nperseg=int(fs))
+    turned = OrderResampler(channels=["current_a"], min_speed=1.0).fit_transform([recording])
+    table = OrderPSD(16, max_order=24).fit_transform(turned)
+    axes[0].plot(hertz, decibels(psd), color=PLAIN, linewidth=1)
+    axes[0].set(xlabel="frequency [Hz]", ylabel="PSD of current_a\n[dB re 1 A²/Hz]")
+    axes[0].set_xlim(0, 24 * 61)  # at the highest speed, 61 revolutions per second
+    # Eq. (2.4): in the current, a fault modulates the supply at order 6.
+    marks = {f"{state}-6": fault - 6, f"6+{state}": 6 + fault}
+    style = {"unit": "A", "fault_orders": marks, "ax": axes[1]}
+    OrderSpectrumDisplay.from_table(table, "current_a", **style)
+    axes[1].get_legend().remove()
+    for ax, title in zip(
+        axes, ("one recording in Hz: smeared", "the same over orders: sharp"), strict=True
+    ):
+        ax.set_title(title, fontsize=10, pad=20)

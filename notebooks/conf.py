@@ -13,7 +13,7 @@ os.environ["MPLBACKEND"] = "Agg"  # before an example imports matplotlib
 PUBLIC_MODULES = ["emacm", "emacm.monitoring", "emacm.displays", "emacm.simulation"]
 PUBLIC_MODULES += ["emacm.datasets"]
 PAGES_WITHOUT_CHILDREN = ["index", "installation", "terms", "limits", "evidence", "comparison"]
-PAGES_WITHOUT_CHILDREN += ["compositions", "contributing", "cite", "changes"]
+PAGES_WITHOUT_CHILDREN += ["compositions", "contributing", "architecture", "cite", "changes"]
 
 # Pages of packages; their addresses follow from the name: no inventory is needed.
 PAGES = {

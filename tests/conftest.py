@@ -42,8 +42,12 @@ def pytest_collection():
 
 
 def pytest_collection_modifyitems(items):
-    """Begin with the longest tests, so that no worker waits for them at the end."""
-    items.sort(key=lambda item: item.path.name not in ("test_site.py", "test_notebooks.py"))
+    """Begin with the longest tests, so that no worker waits for them at the end.
+
+    Nor are tests of a chapter of the thesis given to two workers, which would each compute it.
+    """
+    longest = {"test_site.py", "test_notebooks.py", "thesis"}
+    items.sort(key=lambda item: not longest & {item.path.name, item.path.parent.name})
 
 
 @pytest.fixture(autouse=True)

@@ -70,13 +70,3 @@ def test_the_real_actuator_runs_out_and_back_at_five_turns_a_second(cranfield_fi
     quality = OrderResampler(2 * np.pi / 6, min_speed=8).quality(recordings[:5])
     assert quality["longest_stroke"].between(23, 26).all()  # 120 mm at 5 mm lead
     assert quality["revolutions"].between(46, 53).all()
-
-
-def test_the_real_actuator_has_ten_copies_in_runs_1_to_7(cranfield_file):
-    if "runs1-7" not in cranfield_file.name:
-        pytest.skip("another file of the actuator")
-    with pytest.warns(UserWarning, match="10 sequences") as caught:
-        recordings, *_ = load_cranfield(cranfield_file)
-    assert len(recordings) == 1350
-    assert "spalling8 at -40 kgf, run 7 = run 3" in str(caught[0].message)
-    assert "spalling2 at 20 kgf, run 6 = run 1" in str(caught[0].message)

@@ -7,9 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.image import imread
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
 
-from emacm import demo, load_model
+from emacm import CostSensitiveGaussianBayes, demo, load_model
 from emacm.__main__ import main
+from emacm.displays.drawing import offscreen_panels
 from emacm.simulation import simulate_fleet
 
 
@@ -84,3 +87,27 @@ def test_the_demo_states_its_search_and_draws_its_picture(run):
     assert run["progress"] == "search: 48 fits\n"
     assert "best of 12 settings" in run["text"]
     assert imread(run["folder"] / "simulated.png").shape[1] == 6.3 * 150  # 16 cm at 150 dpi
+
+
+@pytest.mark.slow
+def test_the_picture_has_one_legend_and_rings_what_is_decided_otherwise_at_the_other_cost(
+    run, tmp_path, monkeypatch
+):
+    figure, axes = offscreen_panels(2, 2)
+    monkeypatch.setattr(demo, "offscreen_panels", lambda *args, **options: (figure, axes))
+    truths = run["truths"]
+    plane = np.random.default_rng(0).normal(size=(len(truths), 2))
+    plane[:, 0] += 3 * (truths != "healthy")
+    models = {}
+    for missed in (4.0, 20.0):
+        cost = demo.cost_matrix(missed).drop("unknown")
+        bayes = CostSensitiveGaussianBayes(cost, priors=demo.priors(), shrinkage=0.5)
+        models[missed] = make_pipeline(FunctionTransformer(lambda recordings: plane), bayes)
+        models[missed].fit(run["unseen"], truths)
+    demo.draw_picture(models, run["unseen"], truths, tmp_path / "picture.png")
+    assert len(figure.legends) == 1
+    assert not any(ax.get_legend() for ax in axes.flat)
+    at_4, at_20 = (model.predict(run["unseen"]) for model in models.values())
+    assert 0 < np.sum(at_4 != at_20) < len(truths)
+    for ax in axes[1]:
+        np.testing.assert_allclose(ax.collections[-1].get_offsets(), plane[at_4 != at_20])

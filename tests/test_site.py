@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from html import unescape
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,6 +19,8 @@ ROOT = Path(__file__).parents[1]
 NEEDED = (
     "sphinx pydata_sphinx_theme myst_nb numpydoc sphinx_design sphinx_copybutton sphinx_gallery"
 )
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+COMMAND = "sphinx-build -W notebooks site"  # as README prints it
 QUESTIONS = {  # and what its page must say
     "read a CSV with decimal commas": ("plot_decimal_commas", 'decimal=","'),
     "order spectrum of a run-up": ("plot_run_up", "OrderResampler"),
@@ -30,7 +33,8 @@ QUESTIONS = {  # and what its page must say
     "save a model": ("plot_save_a_model", "save_model"),
     "add a sensor": ("plot_add_a_sensor", "shaft_fs"),
     "cite": ("cite", "cff-version"),
-    "report a bug": ("contributing", "REPOSITORY/issues"),
+    "report a bug": ("contributing", PROJECT["urls"]["Issues"]),
+    "how many recordings do I need": ("plot_how_many_recordings", "29, if none is missed"),
 }
 
 
@@ -52,6 +56,16 @@ def test_examples_ask_a_question_and_are_short():
         assert len(lines) < 40, example
 
 
+def test_each_display_is_in_the_gallery_and_the_guide_is_in_the_order_of_its_numbers():
+    gallery = "".join(
+        path.read_text(encoding="utf-8") for path in (ROOT / "notebooks/gallery").glob("*/*.py")
+    )
+    assert [name for name in displays.__all__ if name not in gallery] == []
+    guide = (ROOT / "notebooks/guide.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^(\d\d_\w+)$", guide, flags=re.M)
+    assert listed == sorted(path.stem for path in (ROOT / "notebooks").glob("*.ipynb"))
+
+
 def built(folder):
     """Build the site; return the texts of its pages by path."""
     missing = [name for name in NEEDED.split() if find_spec(name) is None]
@@ -59,9 +73,9 @@ def built(folder):
         pytest.skip(f"the extra site is not installed: {missing}")
     others = shutil.ignore_patterns(".*", "tests", "benchmarks", "examples", "site")
     shutil.copytree(ROOT, folder, ignore=others)
-    command = [sys.executable, "-m", "sphinx", "-W", "-q", "notebooks", "html"]
-    subprocess.run(command, cwd=folder, check=True)
-    pages = (path for path in (folder / "html").rglob("*.html") if "_static" not in path.parts)
+    program = Path(sys.executable).with_name("sphinx-build")
+    subprocess.run([program, *COMMAND.split()[1:], "-q"], cwd=folder, check=True)
+    pages = (path for path in (folder / "site").rglob("*.html") if "_static" not in path.parts)
     return {path: path.read_text(encoding="utf-8") for path in pages}
 
 

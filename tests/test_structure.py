@@ -1,6 +1,7 @@
 """Facts about the package itself: which subpackage may import which, and what an import costs."""
 
 import ast
+import re
 import subprocess
 import sys
 from functools import cache
@@ -115,7 +116,19 @@ def test_every_module_has_its_place_in_the_order():
     assert {place(module) for module in MODULES} == set(ORDER)
 
 
-@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("page", "row"),
+    [
+        ("CONTRIBUTING.md", r"^\| (`.*?) \|"),
+        ("notebooks/layers.svg", r'class="name"[^>]*>(.*?)</text>'),
+    ],
+)
+def test_the_pages_list_the_subpackages_in_this_order(page, row):
+    text = (FOLDER.parent / page).read_text(encoding="utf-8")
+    rows = re.findall(row, text, flags=re.M)
+    assert [name.strip("`/") for row in rows for name in row.split(", ")] == ORDER[1:]
+
+
 def test_a_module_imports_only_from_its_own_subpackage_and_those_above():
     against = {
         (module, name)
@@ -126,7 +139,6 @@ def test_a_module_imports_only_from_its_own_subpackage_and_those_above():
     assert not against
 
 
-@pytest.mark.slow
 def test_only_the_command_line_imports_the_demo():
     importing = {
         (module, name)
@@ -137,7 +149,6 @@ def test_only_the_command_line_imports_the_demo():
     assert {place(module) for module, _ in importing} <= {"__main__"}
 
 
-@pytest.mark.slow
 def test_no_module_imports_itself_by_way_of_others():
     def modules_of(names):
         return {name if name in FILES else name.rpartition(".")[0] for name in names}
@@ -160,14 +171,23 @@ def test_files_are_short():
     assert {name: n for name, n in lengths.items() if n > LONGEST_FILE} == {}
 
 
+def git(*arguments):
+    """Return the lines that git prints in the repository."""
+    if not (FOLDER.parent / ".git").exists():
+        pytest.skip("no clone of the repository, but an unpacked sdist")
+    command = ["git", *arguments]
+    run = subprocess.run(command, cwd=FOLDER.parent, capture_output=True, text=True)
+    return run.stdout.splitlines()
+
+
 def test_the_repository_holds_the_agreed_folders_and_no_others():
-    folders = {
-        path.name
-        for path in FOLDER.parent.iterdir()
-        if path.is_dir() and not path.name.startswith(".")
-    }
-    made = {"build", "emacm.egg-info", "emacm_demo", "emacm_reproduction"}
-    assert folders - made <= {"emacm", "tests", "benchmarks", "notebooks"}
+    folders = {path.partition("/")[0] for path in git("ls-files") if "/" in path}
+    assert folders == {"emacm", "tests", "benchmarks", "notebooks", ".ci", ".github"}
+
+
+def test_what_readmes_commands_write_is_not_taken_for_a_part_of_the_repository():
+    written = ["example/new", "wheels/x.whl", "site/index.html", "emacm_demo/x", ".venv/x"]
+    assert git("check-ignore", *written) == written
 
 
 @pytest.mark.slow

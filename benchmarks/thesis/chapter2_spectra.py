@@ -70,7 +70,7 @@ def compare_resampling(chapter: Chapter) -> None:
         10,
         np.diff(rising).mean(),
         "mean distance of upward zero crossings of the resampled signal",
-        slack=0.1,
+        tolerance=0.1,
     )
 
 
@@ -133,7 +133,7 @@ def compare_smearing(chapter: Chapter) -> None:
     chapter.compare("Fig. 2.7, highest order", 30, orders[-1], "half of 60 samples per revolution")
     peak = "highest line of 256 samples; the range is half a step on either side"
     at = orders[spectrum.argmax()]
-    chapter.compare("Fig. 2.7, order of the peak", 6, at, peak, slack=step / 2)
+    chapter.compare("Fig. 2.7, order of the peak", 6, at, peak, tolerance=step / 2)
     chapter.compare("Fig. 2.7, order step", 0.1172, round(step, 4), divided)
     half, narrow = _half_width(hertz, density), _half_width(orders, spectrum)
     chapter.remarks.append(

@@ -31,6 +31,11 @@ _TITLES = {
 }
 
 
+def first_figure(condition: int) -> int:
+    """Return the number of the first figure of a condition, as 5 of Fig. 4.5."""
+    return _FIRST + _PER_CONDITION * (condition - 1)
+
+
 def draw_condition(chapter: Chapter, campaign: Campaign, study: Study, condition: int) -> None:
     """Draw all pictures of one condition.
 
@@ -45,7 +50,7 @@ def draw_condition(chapter: Chapter, campaign: Campaign, study: Study, condition
     condition : int
         Number of the condition.
     """
-    start = _FIRST + _PER_CONDITION * (condition - 1)
+    start = first_figure(condition)
     _draw_signals(chapter, campaign, condition, start + 2)
     frame = campaign.frame
     rows = ((frame["condition"] == condition) & (frame["run"] == 1)).to_numpy()

@@ -29,8 +29,8 @@ from chapter5_detection import (
     severity_of_detection,
     threshold_table,
 )
-from chapter5_trend import ALARMS, trend_table
-from findings import Chapter, Report, Verdict, silent
+from chapter5_trend import ALARMS, SEVERITY, trend_table
+from findings import Chapter, Report, Verdict, lowest, silent
 
 _OPENING = (
     "The thesis proposes fusion of signals, cross spectra, more units, more faults, and "
@@ -113,26 +113,26 @@ def reproduce_chapter5(
 
 
 def _jam(trend: pd.DataFrame) -> Verdict:
-    """State how early a growing jam is seen, which section 1.1 asks for."""
+    """State how early a growing jam is seen, for which chapter 5 asks."""
+    warned = np.isfinite(trend.loc[(_JAM, ALL), SEVERITY])
     return Verdict(
-        f"Chapter 1, can a jam be foreseen: {_alarms_of(trend, _JAM)} The law by which it "
-        "grows is assumed and equal for all units, so this is no forecast for a machine.",
+        f"Chapter 5, is a growing jam seen before it is complete: {'yes' if warned else 'no'}: "
+        f"{_alarms_of(trend, _JAM)} The law by which it grows is assumed, and equal for all units: "
+        "how much life remains cannot be told from this bench.",
         _TREND,
     )
 
 
 def _alarms_of(trend: pd.DataFrame, fault: str) -> str:
     """State the alarms of all signals together, and which signal alone is the earliest."""
-    alarms, severity, left, error = trend.loc[(fault, ALL)]
+    alarms, severity, left = trend.loc[(fault, ALL)]
     if not np.isfinite(severity):
         return "no alarm."
-    single = trend.loc[fault].drop(index=ALL)["severity at the alarm"].astype(float)
+    single = trend.loc[fault].drop(index=ALL)[SEVERITY].astype(float)
     return (
         f"all signals together raise an alarm in {alarms} units, at severity {severity:.2f}, "
-        f"{left:.0f} runs before severity 1 (a false one in {trend.loc[('none', ALL), ALARMS]}); "
-        "from then on the readings of the other units, which wear by the same law, tell the "
-        f"remaining life within {error:.1f} runs (median). The earliest signal alone, known only "
-        f"afterwards: {single.idxmin()}, at {single.min():.2f}."
+        f"{left:.0f} runs before severity 1 (a false one in {trend.loc[('none', ALL), ALARMS]}). "
+        f"The earliest signal alone, known only afterwards, and its severity: {lowest(single)}."
     )
 
 
@@ -142,13 +142,17 @@ def _viable(detection: pd.DataFrame, varied: pd.DataFrame) -> Verdict:
     names = {s: list(seen.index[seen[s]]) for s in (_CURRENT, PHASED)}
     one, three = (detection.loc[("phase imbalance", name), "severity"] for name in names)
     both = set(names[_CURRENT]) | set(names[PHASED])
+    others = [fault for fault in seen.index if fault not in both]
+    vibration = seen.index[seen[SIGNALS["accelerometer"]]]
     twice = varied.loc[TWICE, _CURRENT]
     return Verdict(
-        f"Chapter 5, is motor current viable: one phase shows {len(names[_CURRENT])} "
-        f"of {len(seen)} faults at severity 1 or before, with the unbalance of three phases "
-        f"{len(both)} (phase imbalance from severity {three:g}, by one phase from {one:g}); the "
-        f"accelerometer {seen[SIGNALS['accelerometer']].sum()}. With {TWICE} one phase shows "
-        f"{twice}. Sizes of faults are assumed.",
+        "Chapter 5, is motor current viable: "
+        f"yes for {', '.join(fault for fault in seen.index if fault in both) or 'none'}; "
+        f"no for {', '.join(others) or 'none'}, of which the accelerometer shows "
+        f"{', '.join(fault for fault in others if fault in vibration) or 'none'}. Phase imbalance "
+        f"is shown from severity {three:g} by three phases, from {one:g} by one. With {TWICE} one "
+        f"phase shows {twice} of {len(seen)} in place of {len(names[_CURRENT])}. Sizes of faults "
+        "are assumed.",
         "Severities of detection",
     )
 
@@ -199,8 +203,8 @@ def _inputs(extent: Extent5) -> pd.DataFrame:
 def _answers(tables: dict[str, pd.DataFrame], detection: pd.DataFrame) -> list[str]:
     """Answer the questions of chapter 5 in sentences."""
     severity = detection["severity"].unstack("signal")
-    first = severity.drop(columns=ALL).idxmin(axis=1)
-    best = "; ".join(f"{f}: {s} ({severity.loc[f, s]:g})" for f, s in first.items())
+    single = severity[[*SIGNALS.values(), PHASED]]
+    best = "; ".join(f"{fault}: {lowest(row)}" for fault, row in single.iterrows())
     units, pairs, trend = (tables[name] for name in (_UNITS, _PAIRS, _TREND))
     accuracy = units["balanced accuracy [%]"]
     both, single = pairs.drop(index="one fault").mean(), pairs.loc["one fault"]

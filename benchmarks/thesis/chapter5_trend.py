@@ -1,8 +1,7 @@
-"""Early detection of a growing fault by control charts, and its remaining life."""
+"""Early detection of a growing fault by control charts."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +13,7 @@ from chapter5_detection import Detector, ratios
 from emacm.alarms.control_charts import CUSUM
 
 ALARMS = "units with an alarm"
+SEVERITY = "severity at the alarm"
 _LENGTH = 100.0  # nominal number of runs until a false alarm
 
 
@@ -22,19 +22,18 @@ class Followed(NamedTuple):
 
     Attributes
     ----------
-    readings, severity : ndarray of shape (n_runs,)
-        Readings of the runs after the baseline, and the true severities.
+    severity : ndarray of shape (n_runs,)
+        True severities of the runs after the baseline.
     alarm : int, optional
         The first run with an alarm.
     """
 
-    readings: np.ndarray
     severity: np.ndarray
     alarm: int | None
 
 
 def trend_table(features: Features, found: dict[str, Detector], n_baseline: int) -> pd.DataFrame:
-    """Return when a chart of each signal raises an alarm while a fault grows, and what remains.
+    """Return when a chart of each signal raises an alarm while a fault grows.
 
     The reading is the logarithm of the largest deviation of `ratios`. Its baseline are the first
     healthy runs of the same unit; a CUSUM chart follows the runs of the growing fault, and for
@@ -53,8 +52,7 @@ def trend_table(features: Features, found: dict[str, Detector], n_baseline: int)
     -------
     DataFrame
         One row per fault and signal: units with an alarm, median severity at the first alarm,
-        median number of runs from it to severity 1, and result of `remaining_error`. Alarms of the
-        rows "none" are false.
+        and median number of runs from it to severity 1. Alarms of the rows "none" are false.
     """
     followed = features.frame["role"] == "trend"
     frame = features.frame[followed].reset_index(drop=True)
@@ -70,36 +68,12 @@ def trend_table(features: Features, found: dict[str, Detector], n_baseline: int)
             row: dict[str, Any] = {ALARMS: f"{len(raised)} of {len(units)}"}
             if raised and fault != "healthy":
                 severity, run = np.median(raised, axis=0)
-                row["severity at the alarm"] = severity
+                row[SEVERITY] = severity
                 row["runs left until severity 1"] = len(units[0].severity) - 1 - run
-                row["error of the remaining life [runs]"] = remaining_error(units)
             made["none" if fault == "healthy" else fault, SIGNALS.get(name, name)] = row
     table = pd.DataFrame.from_dict(made, orient="index")
     table.index = pd.MultiIndex.from_tuples(made, names=["fault", "signal"])
     return table
-
-
-def remaining_error(units: Sequence[Followed]) -> float:
-    """Return the median error of the remaining life from the alarm on, in runs.
-
-    A unit has reached the run at which the median of the other units had its reading: they are
-    taken to grow by the same law, as they do here, so the error is a lower bound.
-
-    Examples
-    --------
-    >>> grown = np.arange(5.0)
-    >>> remaining_error([Followed(grown + offset, grown, 1) for offset in (0, 0.5, -0.5)])
-    0.5
-    """
-    errors = []
-    for number, unit in enumerate(units):
-        others = [other.readings for k, other in enumerate(units) if k != number]
-        if unit.alarm is not None and others:
-            growth = np.maximum.accumulate(np.median(others, axis=0))
-            runs = np.arange(len(growth))
-            reached = np.interp(unit.readings, growth, runs)
-            errors += list(np.abs(reached - runs)[unit.alarm :])
-    return float(np.median(errors)) if errors else np.nan
 
 
 def _follow(readings: np.ndarray, frame: pd.DataFrame, fault: str, n_baseline: int) -> Followed:
@@ -111,4 +85,4 @@ def _follow(readings: np.ndarray, frame: pd.DataFrame, fault: str, n_baseline: i
     chart = CUSUM(arl=_LENGTH).fit(readings[healthy.index[:n_baseline]][:, np.newaxis])
     alarm = chart.update(readings[growing.index][:, np.newaxis]).alarm[:, 0]
     first = int(alarm.argmax()) if alarm.any() else None
-    return Followed(readings[growing.index], growing["severity"].to_numpy(), first)
+    return Followed(growing["severity"].to_numpy(), first)

@@ -27,14 +27,16 @@ class Finding(NamedTuple):
     ours : float
         Our number; the median of the draws.
     low, high : float
-        Range of our numbers, including a tolerance for rounding in print.
+        Range of our numbers.
+    tolerance : float
+        Distance from that range which still agrees, such as rounding in print or one test run.
     draws : int
         Number of draws; 1 if nothing is random, as the figure follows from definitions.
     agrees_by_range : bool
-        Whether the published number lies within the range.
+        Whether the published number lies within the range, or its tolerance beside it.
     agrees_by_median : bool
         Whether it lies within the middle half of the draws (first to third quartile), as about
-        half of further draws would.
+        half of further draws would, or its tolerance beside it.
     note : str
         Method and, where the numbers do not agree, the reason.
     """
@@ -44,6 +46,7 @@ class Finding(NamedTuple):
     ours: float
     low: float
     high: float
+    tolerance: float
     draws: int
     agrees_by_range: bool
     agrees_by_median: bool
@@ -112,7 +115,7 @@ class Chapter:
         self.figures[name] = (image.getvalue(), caption)
 
     def compare(
-        self, where: str, published: float, values: ArrayLike, note: str, *, slack: float = 0.0
+        self, where: str, published: float, values: ArrayLike, note: str, *, tolerance: float = 0.0
     ) -> Finding:
         """Compare a published number with our values of it, one for each draw.
 
@@ -126,8 +129,8 @@ class Chapter:
             Ours.
         note : str
             Method.
-        slack : float
-            Tolerance beyond the range of the values, for rounding in print.
+        tolerance : float
+            Distance from the range of the values which still agrees.
 
         Returns
         -------
@@ -136,11 +139,24 @@ class Chapter:
         """
         ours = np.atleast_1d(np.asarray(values, dtype=float))
         low, first, median, third, high = np.quantile(ours, (0, 0.25, 0.5, 0.75, 1)).tolist()
-        within = low - slack <= published <= high + slack
-        middle = first - slack <= published <= third + slack
-        numbers = (float(published), median, low - slack, high + slack, len(ours))
+        within = low - tolerance <= published <= high + tolerance
+        middle = first - tolerance <= published <= third + tolerance
+        numbers = (float(published), median, low, high, tolerance, len(ours))
         self.findings.append(Finding(where, *numbers, within, middle, note))
         return self.findings[-1]
+
+
+def lowest(values: pd.Series) -> str:
+    """Name all entries that have the smallest value, and this value; "none" if it is infinite.
+
+    Examples
+    --------
+    >>> lowest(pd.Series({"Current": 0.1, "LVDT": 0.1, "Motor Velocity": 0.4}))
+    'Current and LVDT (0.1)'
+    """
+    if not np.isfinite(values.min()):
+        return "none"
+    return f"{' and '.join(values.index[values == values.min()])} ({values.min():.2g})"
 
 
 def silent(line: str) -> None:

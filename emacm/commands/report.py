@@ -133,4 +133,8 @@ class FileReports:
             for page, time in zip(pages, times or [], strict=False):
                 page.date = page.date or f"{when(time)} UTC (file time)"
         add_since(pages, history, units, times, self._time or "")
+        for page in pages:  # as on the page of the fleet
+            if not page.date and page.row.get("end") is not None:
+                of_file = " (file time)" if page.row["times"] == "modified" else ""
+                page.date = f"{when(page.row['end'])} UTC{of_file}"
         return pages

@@ -59,6 +59,7 @@ class PlaneDisplay(Display):
         ax.set(xlabel=self.names[0], ylabel=self.names[1])
         drawn = [name for name in self._numbers if name in markers or name in others]
         pairs = [tuple(own[k] for own in (others, markers) if k in own) for k in drawn]
+        self.entries_ = dict(zip(drawn, pairs, strict=True))  # for one legend of several displays
         drawing.legend_above(ax, handles=pairs, labels=drawn, title=title)
 
 

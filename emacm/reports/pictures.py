@@ -38,7 +38,10 @@ def drawn(page: Page) -> tuple[Any, str]:
         lines = "" if page.parts is None else " with predicted lines"
         titles.append(f"order spectrum of {channel_name(channel)}{lines}")
     if bars is not None:
-        titles.append(f"deviations from {page.reference}")
+        # Of a line, the table states its own power; a bar is all that is in its band.
+        bands = bars["low"].notna().all()
+        of = "of whole order bands, of which lines are parts, " if bands else ""
+        titles.append(f"deviations {of}from {page.reference}")
     if not titles:
         return None, ""
     height = 5.0 if len(titles) > 1 else 2.8  # inches
@@ -128,4 +131,5 @@ def _draw_bars(reference: str, bars: pd.DataFrame, ax: Any) -> None:
         name_bins(ax, [str(column).rpartition("__")[2] for column in bars["column"]])
     else:
         ax.set(xlabel=drawing.ORDER_LABEL, xlim=(0, float((centre + width / 2).max())))
-    drawing.label_y(ax, f"deviation from {reference}", unit)
+    quantity = f"deviation from {reference}" if named else f"deviation of bands from {reference}"
+    drawing.label_y(ax, quantity, unit)

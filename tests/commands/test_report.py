@@ -136,6 +136,19 @@ def test_without_a_key_the_time_is_that_of_the_file(here):
     html = Path("all.html").read_text(encoding="utf-8")
     assert f"was &#39;healthy&#39; ({day:%Y-%m-%d %H:%M})" in html
     assert f"{day:%Y-%m-%d %H:%M} UTC (file time)</h1>" in html
+    # Without a key of the unit, too; the page of the fleet has no other dates.
+    assert run("report", "--out", "pages") == 0
+    index, fleet = (Path("pages", f"{name}.html").read_text() for name in ("index", "fleet"))
+    dates = set(re.findall(r"(\d{4}-\d\d-\d\d \d\d:\d\d) UTC", index))
+    assert len(dates) == 3
+    assert set(re.findall(r"(\d{4}-\d\d-\d\d \d\d:\d\d) UTC", fleet)) <= dates
+
+
+@pytest.mark.slow
+def test_a_picture_says_that_bars_are_bands_and_not_the_lines_of_the_table(here):
+    assert run("report", "--out", "all.html") == 0
+    html = Path("all.html").read_text(encoding="utf-8")
+    assert "deviations of whole order bands, of which lines are parts, from healthy" in html
 
 
 @pytest.mark.parametrize(

@@ -25,16 +25,6 @@ def test_each_channel_has_bars_between_the_edges_of_its_bins():
     assert label == "contribution of current [nats]"
 
 
-def test_evidence_against_is_hatched():
-    (ax,) = axes()
-    ContributionsDisplay(["a@0-1", "a@1-2"], [1.0, -1.0], decision="worn screw").plot(ax=ax)
-    up, down = sorted(ax.patches, key=lambda bar: -bar.get_height())
-    assert not up.get_hatch()
-    assert down.get_hatch()
-    legend = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert legend == ["evidence for worn screw", "evidence against worn screw"]
-
-
 def test_predicted_fault_orders_are_marked_and_set_beside_the_bins():
     panels = axes(2)
     orders = {"screw": 3.125, "BPFI": 6.123, "2 BPFI": 12.246}

@@ -162,7 +162,6 @@ def test_without_matplotlib_the_extra_is_named(monkeypatch):
 SPECTRA = pd.DataFrame(np.ones((2, 4)), columns=["a@0", "a@1", "b@0", "b@2"])
 RUN = Recording({"a": np.ones(400)}, 100, velocity=np.ones(400))
 FINE = np.arange(100) / 10
-LABELS = {"healthy": "new", "y_true": ["new", "worn"]}
 
 
 @pytest.mark.parametrize(
@@ -173,23 +172,15 @@ LABELS = {"healthy": "new", "y_true": ["new", "worn"]}
         (lambda: OrderBinsDisplay.from_table(np.ones((2, 3))), "order axis"),
         (lambda: OrderBinsDisplay(BINS, {"a": [1, 2]}, fault_orders={"screw": -1.0}), "screw"),
         (lambda: OrderSpectrumDisplay([0, 1, 2], {"a": [1.0, np.nan, 3.0]}), r"'a'.* 1\]"),
-        (lambda: OrderSpectrumDisplay([0, 1], {"a": [1.0, 2.0]}, slip=1), "slip"),
         (lambda: OrderSpectrumDisplay.from_table(SPECTRA), "different orders"),
         (lambda: OrderSpectrumDisplay.from_table(SPECTRA, "c"), "'c'"),
-        (lambda: OrderSpectrumDisplay.from_table(SPECTRA, "a", labels=["x"]), "inconsistent"),
         (lambda: OrderSpectrumDisplay.from_estimator(LogisticRegression(), []), "OrderPSD"),
-        (lambda: OrderMapDisplay.from_recording([RUN]), "one Recording"),
         (lambda: OrderMapDisplay.from_recording(RUN, revolutions=500), "of 500 revolutions"),
-        (lambda: RecordingDisplay.from_recording(RUN, between=(2, 1)), "start and stop"),
         (lambda: RecordingDisplay.from_recording(RUN, channels=["b"]), "'b'"),
         (lambda: RecordingDisplay.from_recording(RUN, ax=Figure().subplots()), "2 panels"),
-        (lambda: AlarmDisplay([0], [1], 2).plot(ax=Figure().subplots(2)), "1 panels"),
         (lambda: ContributionsDisplay(BINS, [1.0]), "contributions"),
         (lambda: FeatureDensityDisplay.from_estimator(LogisticRegression(), POINTS, [0, 1]), "fit"),
-        (lambda: OutcomesDisplay(pd.DataFrame({"good": [1]})), "good"),
-        (lambda: OutcomesDisplay.from_predictions(y_pred=["new"], **LABELS), "inconsistent"),
         (lambda: OutcomesDisplay.from_predictions(["worn"], ["dry"], healthy="new"), "'new'"),
-        (lambda: OutcomesDisplay.from_predictions(["new"], ["dry"], healthy="new"), "Give classes"),
         (lambda: FaultLinesDisplay(FINE, np.ones(100), {"mesh": 30.0}), "mesh"),
         (lambda: FaultLinesDisplay([0, 1, 2], np.ones(3), {"mesh": 1.0}, faults=["x"]), "'x'"),
     ],

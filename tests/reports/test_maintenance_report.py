@@ -84,7 +84,7 @@ def test_a_page_is_valid_and_refers_to_no_other_file(folder):
 def test_predicted_lines_are_mentioned_only_if_parts_are_given(tmp_path):
     maintenance_report(bins_model(), [recording("outer race", 99)], tmp_path / "all.html")
     html = (tmp_path / "all.html").read_text(encoding="utf-8")
-    assert re.search(r"rder spectrum of \w+ and deviations from", html)
+    assert re.search(r"rder spectrum of \w+ and deviations of whole", html)
     assert "predicted lines" not in html
 
 

@@ -1,5 +1,6 @@
 """Modules of the reproduction are found by their folder: they are no part of the package."""
 
+import re
 import sys
 from functools import lru_cache
 from importlib import import_module
@@ -20,3 +21,20 @@ def quick_chapter():
         return function(quick=True, report=said.append), said
 
     return reproduced
+
+
+@pytest.fixture(scope="session")
+def figures_of():
+    """Return a function: the numbers of the figures that a chapter draws, or names as not drawn."""
+
+    def numbers(text):
+        found = set()
+        for first, last in re.findall(r"\d\.(\d+)(?:(?: to |-)\d\.(\d+))?", text):
+            found |= set(range(int(first), int(last or first) + 1))
+        return found
+
+    def named(chapter):
+        omitted = [text for text in chapter.remarks if text.startswith("Not drawn: ")]
+        return numbers(" ".join(chapter.figures)), numbers(" ".join(omitted))
+
+    return named

@@ -28,6 +28,16 @@ def test_all_agrees_but_the_order_step_and_the_width_of_the_smeared_spectrum(fin
     assert findings["Fig. 2.7, order step"].ours == pytest.approx(60 / 256, abs=5e-5)
 
 
+def test_each_figure_is_drawn_or_named_as_not_drawn(chapter, figures_of):
+    drawn, omitted = figures_of(chapter)
+    assert drawn | omitted == set(range(1, 15))
+    assert not drawn & omitted
+
+
+def test_definitions_are_not_counted_with_what_is_random(chapter):
+    assert "12 of 12 random figures are found again, and 7 of 9 that follow" in chapter.opening
+
+
 def test_table_2_1_has_every_cell_that_is_not_left_to_chance(findings):
     cells = [where for where in findings if where.startswith("Table 2.1")]
     assert len(cells) == 4 + 4 + 2

@@ -6,7 +6,6 @@ import pytest
 from laboratory import FAULTS
 
 from chapter4_spectra import SIGNALS
-from chapter5 import reproduce_chapter5
 from chapter5_classes import labelled_rows, units_table
 from chapter5_data import FULL, QUICK, Features, planned_runs, severity_of_run
 from chapter5_detection import (
@@ -119,9 +118,8 @@ def test_faulty_recordings_are_planned_over_the_same_runs_as_healthy_ones(extent
 
 
 @pytest.mark.slow
-def test_a_quick_run_has_every_fault_signal_and_question(tmp_path):
-    lines = []
-    chapter = reproduce_chapter5(quick=True, report=lines.append)
+def test_a_quick_run_has_every_fault_signal_and_question(quick_chapter):
+    chapter, lines = quick_chapter(5)
     detection = chapter.tables["severity of detection"]
     assert detection.index.tolist() == list(FAULTS)
     assert detection.columns.tolist() == [*SIGNALS.values(), PHASED, ALL]
@@ -144,4 +142,17 @@ def test_a_quick_run_has_every_fault_signal_and_question(tmp_path):
         "early detection of a growing fault", "Severities of detection"
     ]  # fmt: skip
     assert any(text.startswith("Not recognised as unknown are ") for text in chapter.remarks)
+    # Signals that are equally early are all named.
+    first = next(text for text in chapter.remarks if text.startswith("Which signal"))
+    severity = detection.drop(columns=ALL).map(
+        lambda text: float(text.split()[0].replace("–", "9"))
+    )
+    for fault, row in severity.iterrows():
+        names = row.index[row == row.min()]
+        assert f"{fault}: {' and '.join(names)} ({row.min():g})" in first
+    # What is asked with yes or no is so answered.
+    jam, current = (verdict.text for verdict in chapter.verdicts)
+    assert jam.startswith("Chapter 5, is a growing jam seen before it is complete: yes: ")
+    assert "viable: yes for" in current
+    assert "; no for " in current
     assert any("recordings" in line for line in lines)

@@ -5,10 +5,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from laboratory import CONDITIONS, FAULT_ORDERS, FAULTS, LaboratoryBench, thesis_benches
+from laboratory import CONDITIONS, FAULT_ORDERS, FAULTS, LaboratoryBench
 from laboratory.constants import PEAK_SPEED
 
-from emacm import OrderPSD, OrderResampler, Recording
+from emacm import OrderPSD, OrderResampler
 
 INNER = FAULT_ORDERS["inner ring"][0]
 
@@ -81,13 +81,6 @@ def test_orders_of_rolling_faults_are_those_of_textbook_geometry():
     assert round(expected["inner ring"], 3) == 6.123  # chapter 4
     for fault, order in expected.items():
         assert FAULT_ORDERS[fault] == pytest.approx((order,), rel=1e-13)
-
-
-def test_the_degraded_unit_has_a_bad_inner_ring_and_three_quarters_of_its_grease():
-    healthy, degraded = thesis_benches()
-    assert healthy.faults == {}
-    assert degraded.faults == {"inner ring": 0.5, "lubrication": 0.25}
-    assert degraded.electrical_noise < healthy.electrical_noise
 
 
 def test_the_resolver_and_the_velocity_channel_show_the_same_motion():
@@ -164,19 +157,3 @@ def test_the_same_bench_and_run_give_the_same_recording_in_any_order():
     healthy = LaboratoryBench(unit=2, duration=0.2).record(4, 1)
     none = LaboratoryBench(unit=2, faults=dict.fromkeys(FAULTS, 0.0), duration=0.2)
     assert none.record(4, 1) == healthy != forth[4, 1]
-
-
-def test_meta_holds_the_truth():
-    recording = record(2, 5, (("lubrication", 0.25), ("inner ring", 0.5)), duration=0.1, unit=3)
-    assert recording.meta == {
-        "unit": 3,
-        "condition": 2,
-        "run": 5,
-        "label": "inner ring + lubrication",
-        "severity": 0.5,
-        "faults": {"inner ring": 0.5, "lubrication": 0.25},
-        "orders": {"inner ring": (INNER,), "lubrication": (1.0,)},
-    }
-    assert record(2, duration=0.1).meta["label"] == "healthy"
-    assert pickle.loads(pickle.dumps(recording)) == recording
-    assert isinstance(recording, Recording)

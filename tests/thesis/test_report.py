@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from findings import Chapter, Finding, Verdict, counted
+from findings import Chapter, Finding, Verdict
 from report import write_report
 
 FOLDER = Path(__file__).parents[2] / "benchmarks" / "thesis"
@@ -54,12 +54,12 @@ def test_the_report_contains_each_finding_table_and_picture(tmp_path):
     assert read["ours, e1"].tolist() == [1.5, 3, 5, 7]
 
 
-def test_only_random_figures_count_as_evidence():
-    chapter = Chapter(2, "Counts", pd.DataFrame())
-    for i in range(7):
-        chapter.compare(str(i), 1.0 if i else 9.0, [0.0, 1.0, 3.0] if i < 4 else 2.0, "")
-    assert counted(chapter.findings).startswith("3 of 4 random figures within the range")
-    assert counted(chapter.findings).endswith("3 other figures")
+def test_the_range_of_ours_is_without_the_tolerance():
+    chapter = Chapter(4, "Tolerance", pd.DataFrame())
+    found = chapter.compare("0 %", 0.0, [0.5, 2.0], "one run of 100", tolerance=1.0)
+    assert (found.low, found.high, found.tolerance) == (0.5, 2.0, 1.0)
+    assert found.agrees_by_range
+    assert not chapter.compare("9 %", 9.0, [0.5, 2.0], "", tolerance=1.0).agrees_by_range
 
 
 @pytest.mark.slow
