@@ -39,8 +39,7 @@ def drawn(page: Page) -> tuple[Any, str]:
         titles.append(f"order spectrum of {channel_name(channel)}{lines}")
     if bars is not None:
         # Of a line, the table states its own power; a bar is all that is in its band.
-        bands = bars["low"].notna().all()
-        of = "of whole order bands, of which lines are parts, " if bands else ""
+        of = "of whole order bands " if bars["low"].notna().all() else ""
         titles.append(f"deviations {of}from {page.reference}")
     if not titles:
         return None, ""
