@@ -44,7 +44,7 @@ def test_it_fits_into_150_lines_and_a_decision_into_15():
 
 
 def test_a_file_of_ones_own_leads_to_its_order_spectrum(run_csv, tmp_path, capsys):
-    names = names_after(code_blocks("python")[1])
+    names = names_after(code_blocks("python")[2])
     assert (tmp_path / "spectrum.png").exists()
     spectrum = names["spectrum"].transform([names["recording"]])[0]
     assert np.argmax(spectrum) / 8 == 3.125
@@ -62,7 +62,7 @@ def test_a_damaged_bearing_in_a_mat_file_is_named(tmp_path, monkeypatch, capsys)
     ringing = np.exp(-np.arange(60) / 10) * np.sin(0.6 * np.pi * np.arange(60))
     signal = np.convolve(struck, ringing)[: 8 * fs] + 0.3 * rng.standard_normal(8 * fs)
     savemat("bearing.mat", {"X105_DE_time": signal[:, np.newaxis], "X105_FE_time": signal[::-1]})
-    names_after(code_blocks("python")[2])
+    names_after(code_blocks("python")[3])
     assert capsys.readouterr().out.startswith("BPFI ")
 
 
@@ -96,10 +96,11 @@ def test_all_blocks_run_on_the_files_of_the_example(tmp_path, monkeypatch, capsy
     monkeypatch.chdir(tmp_path)
     assert main(["example", "example"]) == 0
     monkeypatch.chdir("example")
-    decision, *others = code_blocks("python")
-    names = names_after(decision)
-    decided = names["model"].predict(names["new"])
-    assert list(decided) == [recording.meta["state"] for recording in names["new"]]
+    decision, search, *others = code_blocks("python")
+    names = names_after(decision + search)
+    for model in (names["model"], names["search"]):
+        decided = model.predict(names["new"])
+        assert list(decided) == [recording.meta["state"] for recording in names["new"]]
     for block in others:
         names_after(block)
     assert "\nBPFI " in capsys.readouterr().out

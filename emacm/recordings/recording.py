@@ -211,6 +211,7 @@ class Recording:
         """Return the recording with the changes of content that a function returns."""
         changed = Recording.__new__(Recording)
         changed.__setstate__(self.__getstate__() | change(self, *arguments))
+        changed._known["identity"] = self.identity, change, joblib.hash(arguments)
         return changed
 
     @property
