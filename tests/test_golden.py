@@ -121,8 +121,8 @@ def outputs():
     make_plant()
     made = {}
     with_layout = ("--layout", "layout.toml")
-    learn = ("--labels", "state", "--groups", "unit", "--cost", "costs.csv", "--out", "model.skops")
-    made["train"] = printed("train", "layout.toml", "bench", *learn)
+    learn = ("--labels", "state", "--groups", "unit", "--cost", "costs.csv")
+    made["train"] = printed("train", "layout.toml", "bench", *learn, "--out", "model.skops")
     card = printed("describe", "model.skops").splitlines()
     made["describe"] = "\n".join(line for line in card if not line.startswith(RUN))
     scores = ("score", "model.skops", "new", *with_layout, "--unit", "unit", "--out", "seen.csv")
@@ -139,6 +139,8 @@ def outputs():
     )
     for page in ("index", "fleet", "pump_x_5", "fan_x_3", "pump_x_6", "fan_x_4"):
         made["report"] += f"\n\n== {page}\n{page_text(f'report/{page}.html')}"
+    one = ("report", "model.skops", "new/pump_x_6.npz", *with_layout, "--out", "one.html")
+    made["report"] += f"\n\n{printed(*one)}\n{page_text('one.html')}"
     trend = ("trend", "healthy", "new", *with_layout, "--groups", "unit", "--parts", "parts.toml")
     trend += ("--unit", "unit", "--time", "day", "--out", "trend.csv")
     for more in ((), ("--fail-on-alarm",)):

@@ -9,6 +9,7 @@ import pytest
 
 from emacm import Layout
 from emacm.__main__ import main
+from emacm.commands.trend import _most_urgent
 from emacm.reports.inputs import units_and_times
 
 LAYOUT = 'fs = 1000\nvelocity = "speed"\nmeta = "{unit}_{day:d}"\n[units]\nspeed = "rpm"\n'
@@ -133,3 +134,10 @@ def test_texts_of_times_are_in_the_order_of_their_numbers(here, capsys):
     run()
     table = pd.read_csv(io.StringIO(capsys.readouterr().out))
     assert table["time"][:6].tolist() == [0, 1, 2, 3, 9, 10]
+
+
+def test_the_picture_shows_the_units_that_are_closest_to_their_limits(capsys):
+    units = [f"u{number}" for number in range(10)]
+    latest = pd.DataFrame({"unit": units, "index": [*range(10)], "limit": [1.0] * 9 + [100.0]})
+    assert sorted(set(_most_urgent(latest, latest)["unit"])) == units[1:9]
+    assert "the 8 units with the highest latest index" in capsys.readouterr().err
