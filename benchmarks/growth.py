@@ -2,8 +2,8 @@
 
 An hour of 16 channels in float32 (11 GB, written to a temporary folder) passes from memory-mapped
 files, and the anonymous memory of the process is watched. Then one quantity grows at a time, at
-48 kHz and 48 rev/s; the last column is what the time grows by when it doubles. Run from the
-repository, on Linux:
+48 kHz and 48 rev/s; the last column is what the time grows by when it doubles. Then a search over
+the size of bins, of more and more files. Run from the repository, on Linux:
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/growth.py [--quick] [--json [FILE]]
 """
@@ -20,9 +20,19 @@ from typing import Any
 
 import numpy as np
 from measure import header, json_option, table, write_json
+from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
 
-from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
+from emacm import (
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    Layout,
+    OrderPSD,
+    OrderResampler,
+    Recording,
+    RecordingFolder,
+)
 
 FS, RATE, TOP = 48_000.0, 48.0, 50  # Hz, rev/s, orders
 
@@ -39,7 +49,7 @@ def measured(recordings: list[Recording], nrev: int = 128) -> dict[str, float]:
     """Time of one pass, and the memory that it takes beyond recordings and features."""
     pipeline = make_pipeline(
         OrderResampler(2 * np.pi / nrev),
-        OrderPSD(4, max_order=TOP),
+        OrderPSD(4, max_order=TOP, memory=False),
         BinTransformer(max_order=TOP),
     ).fit(recordings[:1])
     pipeline.transform(recordings[:1])
@@ -70,6 +80,39 @@ def growth(quick: bool) -> list[dict[str, Any]]:
     for before, row in zip([None, *rows], rows, strict=False):
         if before and before["what"] == row["what"]:
             row["time, doubled"] = (row["s"] / before["s"]) ** (1 / np.log2(row["n"] / before["n"]))
+    return rows
+
+
+def searches(quick: bool) -> list[dict[str, Any]]:
+    """Search over two sizes of bins in 3 folds of files, of 0.5 s and 1 channel."""
+    steps = make_pipeline(
+        OrderResampler(2 * np.pi / 64),
+        OrderPSD(4, max_order=20),
+        BinTransformer(max_order=20),
+        FunctionTransformer(np.log),
+        CostSensitiveGaussianBayes(covariance="tied"),
+    )
+    rows: list[dict[str, Any]] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for n in (90, 180) if quick else (100, 1000, 10_000):
+            for seed in range(rows[-1]["n"] if rows else 0, n):
+                recording = made(0.5, 1, seed)
+                arrays = dict(recording.signals) | {"speed": recording.velocity}
+                np.savez(Path(folder) / f"{seed % 2}_{seed:05}.npz", **arrays)
+            X = RecordingFolder(folder, Layout(fs=FS, velocity="speed", meta="{state:d}_{run:d}"))
+            y = [recording.meta["state"] for recording in X]
+            start = time.perf_counter()
+            with AnonymousMemory() as memory:
+                GridSearchCV(steps, {"bintransformer__bin_size": [1, 2]}, cv=3).fit(X, y)
+            rows.append(
+                {
+                    "what": "files in a search",
+                    "n": n,
+                    "s": time.perf_counter() - start,
+                    "MB of the files": n * (made(0.5, 1).velocity.nbytes * 2) / 1e6,
+                    "memory [MB]": (memory.peak - memory.before) / 1e6,
+                }
+            )
     return rows
 
 
@@ -130,7 +173,7 @@ def hour(quick: bool) -> dict[str, Any]:
     """Pass a long recording from memory-mapped files."""
     seconds, n_channels = (20, 2) if quick else (3600, 16)
     pipeline = make_pipeline(
-        OrderResampler(), OrderPSD(4, max_order=TOP), BinTransformer(max_order=TOP)
+        OrderResampler(), OrderPSD(4, max_order=TOP, memory=False), BinTransformer(max_order=TOP)
     )
     pipeline.fit_transform([made(1.0, 1)])  # compiled by now
     with tempfile.TemporaryDirectory() as folder:
@@ -163,7 +206,9 @@ def main() -> None:
     print(table(rows))
     rows += growth(options.quick)
     print(table(rows[1:]))
-    write_json(options, rows)
+    found = searches(options.quick)
+    print(table(found))
+    write_json(options, rows + found)
 
 
 if __name__ == "__main__":

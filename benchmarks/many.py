@@ -31,7 +31,7 @@ def steps(setting: str) -> Pipeline:
     nrev, options = SETTINGS[setting]
     return make_pipeline(
         OrderResampler(2 * np.pi / nrev, **options),
-        OrderPSD(SEGMENT, max_order=TOP),
+        OrderPSD(SEGMENT, max_order=TOP, memory=False),
         BinTransformer(max_order=TOP),
     )
 

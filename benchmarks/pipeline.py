@@ -90,7 +90,7 @@ def by_emacm(nrev: int, kernels: str, psd: OrderPSD | None = None, **options: ob
     """Bins by the three transformers; also of a recording that was used before."""
     pipeline = make_pipeline(
         OrderResampler(2 * np.pi / nrev, **options),
-        OrderPSD(SEGMENT, max_order=TOP) if psd is None else psd,
+        OrderPSD(SEGMENT, max_order=TOP, memory=False) if psd is None else psd,
         BinTransformer(max_order=TOP),
     )
 
@@ -189,12 +189,12 @@ def main() -> None:
         SCRIPTS["c"]: lambda r: vectorised(r, 128),
     }
     for name in kernels:
-        as_thesis = OrderPSD(n_per_segment=4096)
+        as_thesis = OrderPSD(n_per_segment=4096, memory=False)
         variants |= {
             f"emacm, linear, 1000/rev, {name}": by_emacm(1000, name, **LINEAR),
             f"emacm, linear, as in the thesis, {name}": by_emacm(1000, name, as_thesis, **LINEAR),
             f"emacm, 128/rev, {name}": by_emacm(128, name),
-            f"emacm, defaults, {name}": by_emacm(128, name, OrderPSD()),
+            f"emacm, defaults, {name}": by_emacm(128, name, OrderPSD(memory=False)),
         }
     measured, _ = made(seconds, "noise")
     used, halved = measured.recording(), measured._replace(rows=measured.rows.astype(np.float32))

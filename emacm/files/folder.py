@@ -23,7 +23,7 @@ from emacm.recordings.names import printable
 from emacm.recordings.recording import CONTENT, Recording
 
 _recent: Recent[Recording] = Recent(1 << 28)  # bytes, in addition to the last of each thread
-_starts: Recent[tuple[pd.Timestamp | None]] = Recent(100_000)  # of so many files
+_facts: Recent[tuple[Any]] = Recent(500_000)  # so many
 _last = threading.local()  # the content that this thread reads, of any size
 
 Step = tuple[Callable[..., dict[str, Any]], tuple[Any, ...]]
@@ -147,11 +147,19 @@ class FileRecording(Recording):
 
         None if it does not; TDMS and MDF files do, and those with a column of dates.
         """
-        key = (self._states, self.layout.key)
-        found = _starts.get(key)
+        return self.fact("start", lambda: self.content().once("start", lambda: None))
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the channels, in the order given."""
+        return self.fact("channels", lambda: self.content().channels)
+
+    def fact(self, name: Hashable, compute: Callable[[], Any]) -> Any:
+        """Return a small result of the content, which is kept although the content is released."""
+        found = _facts.get((self._key, name))
         if found is None:
-            found = (self.content().once("start", lambda: None),)
-            _starts.put(key, found, 1)
+            found = (compute(),)
+            _facts.put((self._key, name), found, 1)
         return found[0]
 
     def release(self) -> None:

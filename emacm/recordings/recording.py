@@ -302,6 +302,10 @@ class Recording:
             self._known[name] = compute()
         return self._known[name]
 
+    def fact(self, name: Hashable, compute: Callable[[], Any]) -> Any:
+        """Return a small result of the content, which is kept as long as the recording."""
+        return self.once(name, compute)
+
     @property
     def identity(self) -> Hashable:
         """A key of the content in this process: other recordings have others."""

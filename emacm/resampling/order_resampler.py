@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -241,7 +242,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         check_is_fitted(self)
         self._check_parameters()
         rows = self._rows(X, self.channels_)
-        for_each(self._check_motion, rows)
+        for_each(self._check_once, rows)
         return rows
 
     def quality(self, X: Any) -> pd.DataFrame:
@@ -306,6 +307,11 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         channels = known or chosen_channels(self.channels, recordings[0].channels)
         check_channels(recordings, channels, others=self.channels is not None)
         return [self.over_angle(recording, channels) for recording in recordings]
+
+    def _check_once(self, row: AngleRecording) -> None:
+        """Check the motion of a recording, unless it was found right before."""
+        motion = "motion", row.direction, row.min_speed, row.max_rest
+        row.measured.fact(motion, partial(self._check_motion, row))
 
     def __sklearn_tags__(self) -> Any:
         """Tell scikit-learn that X may be bare arrays."""
