@@ -99,7 +99,8 @@ def _alike(labels: Sequence[Any]) -> Iterator[str]:
 
 def _stored_features(model: Pipeline, options: argparse.Namespace) -> tuple[list[str], Any]:
     """Return names of recordings, and the features that the model has stored in a history."""
-    names, features = History(options.folder).features(model_digest(model[:-1]))
+    history, made_by = History(options.folder), model_digest(model[:-1])
+    names, features = history.features(made_by, model[-1].n_features_in_)
     if not names:
         raise ValueError(
             f"{options.folder} has no features of the model {options.like}: run emacm score with "

@@ -314,6 +314,7 @@ class MqttSink:
         self._refused: set[str] = set()  # left to the next process
         self._stated: set[str] = set()
         self._client.loop_start()
+        history.send_to(url)  # noted with the record: a kill in between loses nothing
 
     def write(self, record: Mapping[str, Any]) -> None:
         """Send a record, or leave it noted in the history if the broker is away."""
