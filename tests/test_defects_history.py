@@ -270,6 +270,21 @@ def test_a_kill_neither_loses_nor_doubles_the_signals_of_an_alarm(here, monkeypa
             assert [alarm["state"] for alarm in history.alarms()] == ["cleared"]
 
 
+@pytest.mark.parametrize("back", [0.6, 3600.0])
+def test_an_alarm_and_its_signals_are_known_after_the_clock_was_set_back(here, capsys, back):
+    Path("layout.toml").write_text('velocity = "90 rad/s"\n')
+    rows = np.loadtxt("stream.csv", skiprows=1)
+    times = 5000 + np.arange(9000) / 1000 - back * (np.arange(9000) >= 1000)
+    table = np.column_stack([times, rows])
+    np.savetxt("stream.csv", table, "%.3f", ",", header="time,vib", comments="")
+    assert monitored("--keep-alarms", "2") == 3
+    records = map(json.loads, capsys.readouterr().out.splitlines())
+    changes = [change["state"] for record in records for change in record["alarms"]]
+    assert changes == ["raised", "cleared"]
+    kept = [path.read_text().count("\n") for path in Path("evidence").glob("*.csv")]
+    assert kept == [1001, 1001]
+
+
 def test_signals_that_cannot_be_written_are_tried_again(here, monkeypatch, capsys):
     Path("file").touch()
     assert monitored("--keep-alarms", "1", "--evidence", "file") == 2
