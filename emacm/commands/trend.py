@@ -97,7 +97,7 @@ def _trend_of_files(options: argparse.Namespace) -> tuple[pd.DataFrame, dict[str
     groups = read_meta(healthy, options.groups, role="--groups")
     units = None if options.unit is None else read_meta(healthy, options.unit, role="--unit")
     new_units, times = units_and_times(paths, layout, options.unit, options.time)
-    max_order, revolutions = extent(healthy, options)
+    max_order, revolutions, _ = extent(healthy, options)
     speed, parts = options.min_speed, parts_of_options(options)
     if parts:
         recipe = bearing_recipe(parts, revolutions=revolutions, min_speed=speed)
