@@ -33,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         0 if it succeeded, 2 for invalid input, 130 if it was interrupted (SIGINT or SIGTERM), 141
         if the program that reads the output has ended; for ``score``, 1 if a decision of
-        ``--fail-on`` was made, and 3 if files failed.
+        ``--fail-on`` was made, also if files failed, and else 3 if files failed.
     """
     parser = _parser()
     try:

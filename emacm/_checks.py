@@ -66,7 +66,7 @@ def check_unmasked(values: Any, name: str) -> None:
     NumPy and scikit-learn drop the mask and compute with what lies under it.
     """
     if np.ma.is_masked(values):
-        raise TypeError(f"{name} has masked samples, which are no measurement. Cut or repair them.")
+        raise TypeError(f"{name} has masked samples, which are not known. Leave them out.")
 
 
 def check_table(values: Any) -> None:

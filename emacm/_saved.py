@@ -127,7 +127,7 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 @contextmanager
-def locked(path: Path) -> Iterator[None]:
+def locked(path: Path, *, wait: bool = False) -> Iterator[None]:
     """Let no other process use `path` meanwhile; nothing is locked on systems without fcntl.
 
     The lock on a file beside `path` ends with the process, also if it is killed.
@@ -135,26 +135,28 @@ def locked(path: Path) -> Iterator[None]:
     Raises
     ------
     ValueError
-        If another process uses `path`.
+        If another process uses `path`, unless it shall `wait` for its end.
     """
     if fcntl is None:
         yield
         return
-    beside = path.with_name(f".{path.name}.lock")
-    with open(beside, "w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            free = os.fstat(file.fileno()).st_nlink > 0  # not that of a process just ended
-        except BlockingIOError:
-            free = False
-        if not free:
-            raise ValueError(
-                f"{path} is used by another process. Wait for its end, or give another file."
-            )
-        try:
-            yield
-        finally:
-            beside.unlink(missing_ok=True)
+    beside, free = path.with_name(f".{path.name}.lock"), False
+    while not free:
+        with open(beside, "w") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+                free = os.fstat(file.fileno()).st_nlink > 0  # not that of a process just ended
+            except BlockingIOError:
+                free = False
+            if free:
+                try:
+                    yield
+                finally:
+                    beside.unlink(missing_ok=True)
+            elif not wait:
+                raise ValueError(
+                    f"{path} is used by another process. Wait for its end, or give another file."
+                )
 
 
 @contextmanager

@@ -15,12 +15,14 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from io import StringIO
 from itertools import chain, islice
+from tempfile import TemporaryFile
 from typing import Any
 
 import numpy as np
 
 from emacm._checks import located
 from emacm._saved import locked, write_whole
+from emacm._statements import warn
 from emacm.commands.stream_records import Record, StreamRecords
 from emacm.files.column_roles import recording_arguments, start_of, time_of_sample
 from emacm.files.csv_files import text_table
@@ -120,63 +122,110 @@ class _Evidence:
 
     For each reading, a CSV file has the rows as they were measured, below the header, and a JSON
     file of the same name the record, as ``emacm score`` makes it of this CSV file: another run with
-    the same model and layout finds the same values. After a restart, only readings that began after
-    it are stored.
+    the same model and layout finds the same values. The names follow from the alarm and the number
+    of the reading, of which the last one raised it: after a kill, they are the same again. Readings
+    from before the file was replaced, or the clock set back, are not stored.
 
     Parameters
     ----------
     options : Namespace
-        With `evidence`, the folder, and `keep_alarms`, how many readings are stored for each alarm;
-        the one that raised it is the last one.
+        With `evidence`, the folder, and `keep_alarms`, how many readings are stored for each alarm.
     fs : float
         Rows per second [Hz].
     model : estimator
         The model.
     layout : Layout
         That of the user.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
     """
 
     def __init__(self, options: argparse.Namespace, fs: float, model: Any, layout: Layout) -> None:
-        self._folder, self._fs, self._model, self._layout = options.evidence, fs, model, layout
-        self._blocks: deque[tuple[float, list[bytes]]] = deque()  # time of the first row [s]
+        self._options, self._fs, self._model, self._layout = options, fs, model, layout
+        # Time of the first row [s], rows, and their place in the file
+        self._blocks: deque[tuple[float, list[bytes], int]] = deque()
         self._records: deque[Record] = deque(maxlen=options.keep_alarms)
+        self._unwritten: list[tuple[Record, str, bytes]] = []
+        options.evidence.mkdir(parents=True, exist_ok=True)
+        TemporaryFile(dir=options.evidence).close()
 
-    def add(self, start: float, rows: list[bytes]) -> None:
+    def add(self, start: float, rows: list[bytes], place: int) -> None:
         """Add rows, the first of which was measured at a time of the stream [s]."""
-        self._blocks.append((start, rows))
+        if self._blocks and start < self._blocks[-1][0]:  # the clock was set back
+            self.forget()
+        self._blocks.append((start, rows, place))
+
+    def forget(self) -> None:
+        """Forget the readings up to now; the times, or the header and the file, are others now."""
+        self._blocks.clear()
+        self._records.clear()
+
+    def state(self) -> dict[str, Any]:
+        """Return what `restore` needs; the rows are in the file."""
+        blocks = [(start, len(rows), place) for start, rows, place in self._blocks]
+        return {"records": [*self._records], "blocks": blocks}
+
+    def restore(self, state: dict[str, Any], path: str) -> None:
+        """Continue from a state, with the rows that the file still has."""
+        self._records.extend(state["records"])
+        with open(path, "rb") as file:
+            for start, n_rows, place in state["blocks"]:
+                file.seek(place)
+                self.add(start, list(islice(filter(bytes.strip, file), n_rows)), place)
 
     def store(self, records: Sequence[Record], header: list[bytes]) -> None:
-        """Store the last readings of each of these records that raises an alarm."""
+        """Store the last readings of each of these records that raises an alarm.
+
+        What cannot be written is kept, and tried again with the next reading.
+        """
         for record in records:
             if record["complete"]:
                 self._records.append(record)
             for change in record["alarms"]:
                 if change["state"] == "raised":
-                    time = re.sub(r"[-:]|\.\d+", "", change["time"])
-                    for number, reading in enumerate(self._records, 1):
-                        self._store(reading, f"{time}_{change['id']}_{number}", header)
+                    self._unwritten += self._signals(change, record, header)
+        try:
+            while self._unwritten:
+                self._write(*self._unwritten[0])
+                del self._unwritten[0]
+        except OSError as error:
+            del self._unwritten[: -self._options.keep_alarms]
+            warn("evidence", f"{error}. It is tried again with the next reading.")
         if len(self._records) == self._records.maxlen:
             needed = self._records[min(1, len(self._records) - 1)]["stream_start"]
-            while self._blocks[0][0] + len(self._blocks[0][1]) / self._fs < needed:
+            while self._blocks and self._blocks[0][0] + len(self._blocks[0][1]) / self._fs < needed:
                 self._blocks.popleft()
 
-    def _store(self, record: Record, name: str, header: list[bytes]) -> None:
-        first, after = (record[key] * self._fs - 0.5 for key in ("stream_start", "stream_end"))
-        rows = [
-            row
-            for start, block in self._blocks
-            for number, row in enumerate(block, round(start * self._fs))
-            if first <= number < after
-        ]
-        if len(rows) < after - first - 1:  # it began before a restart
-            return
-        self._folder.mkdir(parents=True, exist_ok=True)
-        path = self._folder / f"{name}.csv"
-        write_whole(path, b"".join([*header, *rows]))
+    def _signals(
+        self, change: Record, record: Record, header: list[bytes]
+    ) -> Iterator[tuple[Record, str, bytes]]:
+        """Yield the last readings whose rows are known, the names of their files, and the rows."""
+        time = re.sub(r"[-:]|\.\d+", "", change["time"])
+        if record["times"] == "clock":  # another one after a kill
+            time = f"{record['stream_end']:g}s"
+        last = self._options.keep_alarms
+        for number, reading in enumerate(self._records, last + 1 - len(self._records)):
+            name = f"{time}_{change['id']}_{record['id'][:8]}_{number:0{len(str(last))}}"
+            first, after = (reading[at] * self._fs - 0.5 for at in ("stream_start", "stream_end"))
+            rows = [
+                row
+                for start, block, _ in self._blocks
+                for place, row in enumerate(block, round(start * self._fs))
+                if first <= place < after
+            ]
+            if len(rows) >= after - first - 1:  # all of them are known
+                yield reading, name, b"".join([*header, *rows])
+
+    def _write(self, record: Record, name: str, content: bytes) -> None:
+        path = self._options.evidence / f"{name}.csv"
+        write_whole(path, content)
         source = partial(open_recording, path, self._layout)
         (scored,) = scored_rows(self._model, [source], [record["recording"]])
-        content = json.dumps(record_of({**record, **scored}), indent=1)
-        write_whole(path.with_suffix(".json"), content.encode())
+        text = json.dumps(record_of({**record, **scored}), indent=1)
+        write_whole(path.with_suffix(".json"), text.encode())
 
 
 @dataclass
@@ -259,6 +308,8 @@ class _Stream:
             if number > 0:
                 source = self._options.source
                 self._position.offset, self._position.before = 0, b""
+                if self._evidence:
+                    self._evidence.forget()
                 self._interrupt(f"{source} was emptied or replaced. It is read from its new start.")
             is_start = self._position.offset == 0
             rows = chain(self._rows_below_header(lines) if is_start else [], lines)
@@ -292,15 +343,17 @@ class _Stream:
         return head[table.start :]
 
     def _content(self, rows: Iterable[bytes]) -> FileColumns:
-        content = FileColumns()
-        self._table.add_columns(content, StringIO(b"".join(rows).decode()))
+        content, text = FileColumns(), b"".join(rows)
+        if b"\0" in text or b"\r" in text.replace(b"\r\n", b""):
+            raise ValueError("a row has bytes 0, or a line end inside: it was not written whole.")
+        self._table.add_columns(content, StringIO(text.decode()))
         content.take_units_from_names()
         return content
 
     def _process(self, rows: list[bytes]) -> None:
         """Record the readings that are complete with these rows, or why the rows are skipped."""
         position = self._position
-        n_before = 1 if position.last else 0
+        n_before, place = (1 if position.last else 0), position.offset
         position.pass_over(rows)
         rows = [row for row in rows if row.strip()]
         if not rows:
@@ -323,11 +376,10 @@ class _Stream:
             self._interrupt(str(error), len(rows))
             return
         position.last, position.resumed = rows[-1], None
-        records = self._records_of(readings)
-        self._save_and_write(records)
         if self._evidence:
-            self._evidence.add(self._monitor.time + position.ahead - len(rows) / self._fs, rows)
-            self._evidence.store(records, self._head[: self._table.start])
+            start = self._monitor.time + position.ahead - len(rows) / self._fs
+            self._evidence.add(start, rows, place)
+        self._save_and_write(self._records_of(readings))
 
     def _interrupt(self, error: str, n_skipped: int = 0) -> None:
         """State an error; the reading up to it ends, and another one begins."""
@@ -349,8 +401,15 @@ class _Stream:
         self._save_and_write(records)
 
     def _records_of(self, readings: list[Reading]) -> list[Record]:
+        """Return the records of readings; the signals before their alarms are stored before them.
+
+        A process that ends in between is continued before this reading, and stores them again.
+        """
         known = self._position.ahead, self._position.before
-        return [self._records.of_reading(reading, *known) for reading in readings]
+        records = [self._records.of_reading(reading, *known) for reading in readings]
+        if self._evidence:
+            self._evidence.store(records, self._head[: self._table.start])
+        return records
 
     def _save_and_write(self, records: list[Record]) -> None:
         """Write records, which are in the state before: if the process is killed, none is lost."""
@@ -378,6 +437,8 @@ class _Stream:
             raise ValueError(f"it was written for another file, {state['source']}.")
         self._monitor.restore(state["monitor"].tobytes())
         self._records.restore(state["records"])
+        if goes_on and self._evidence and state["evidence"]:
+            self._evidence.restore(state["evidence"], self._options.source)
 
     def _save(self, pending: Sequence[Record] = ()) -> None:
         """Write the state, with records that are to be written next: a file that is never half."""
@@ -386,6 +447,7 @@ class _Stream:
         state = asdict(self._position) | {
             "monitor": np.frombuffer(self._monitor.state(), np.uint8),
             "records": self._records.state(pending),
+            "evidence": self._evidence and self._evidence.state(),
             "source": os.path.abspath(self._options.source),
             "head": b"".join(self._head),
         }

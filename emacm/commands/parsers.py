@@ -171,7 +171,8 @@ def _train(command: Add) -> None:
     _add_pattern(add)
     add("--like", _existing, "MODEL", "fit it again, on features in a history")
     add("--labels", str, "FIELD", "state: a field of the layout's meta", required=True)
-    add("--groups", str, "FIELD", "unit, held out as a whole: such a field", required=True)
+    unit = "unit, whose files are held out together: a field of the layout's meta"
+    add("--groups", str, "FIELD", unit, required=True)
     recipe = "orders (default): powers in order bins; actuator; bearing: levels of fault lines"
     recipes = ("orders", "actuator", "bearing")
     add("--recipe", str, None, recipe, choices=recipes, default="orders")
@@ -190,8 +191,8 @@ def _score(command: Add) -> None:
     add = command(
         "score",
         "apply a model to files; one row for each, also for those that cannot be read",
-        "0 if all files were decided on; 1 if a decision of --fail-on was made; 2 for invalid "
-        "arguments; 3 if files failed (their rows state why); 130 if it was interrupted.",
+        "0 if all files were decided on; 1 if a decision of --fail-on was made, even if files "
+        "failed; 2 for invalid arguments; 3 if files failed (rows state why); 130 if interrupted.",
     )
     _add_model(add)
     _add_files(add)
@@ -411,10 +412,6 @@ def _check_parts(options: argparse.Namespace) -> None:
 def _check_recipe(options: argparse.Namespace) -> None:
     if options.recipe == "bearing":
         _check_parts(options)
-    elif options.bearing or options.parts:
-        raise ValueError(
-            f"--recipe {options.recipe} has no use for --bearing and --parts. Leave them out."
-        )
 
 
 def _add_unit_and_time(add: Add) -> None:
@@ -429,7 +426,7 @@ def _add_costs(add: Add) -> None:
 
 def _add_extent(add: Add) -> None:
     """Add the range of the order spectra."""
-    orders = "highest order; default: what all recordings support, at most 20"
+    orders = "highest order; default: 4 times that of the parts, or 20, if all files support it"
     add("--max-order", _above_zero, "N", orders)
     length = "revolutions per segment; default: half of the shortest recording, at most 16"
     add("--revolutions", _above_zero, "N", length)

@@ -99,8 +99,8 @@ class HistoryTable(Table):
         self.path, self._history, self._made_by = path.resolve(), History(path), made_by
 
     def read(self) -> list[Row]:
-        """Return recording, id, decision and error of each record."""
-        return self._history.known()
+        """Return recording, id, decision and error of each record; with its features, if wanted."""
+        return self._history.known(self._made_by)
 
     def append(self, row: Row, features: Any) -> Row:
         """Write one record to the disk."""

@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     Returns
     -------
     int
-        0; 1 if a decision of ``--fail-on`` was made; 3 if files failed.
+        0; 1 if a decision of ``--fail-on`` was made, also if files failed; 3 if files failed.
     """
     layout, model = Layout.from_toml(options.layout), load_model(options.model)
     check_model(model)

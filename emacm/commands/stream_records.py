@@ -44,7 +44,7 @@ class StreamRecords:
     def __init__(self, model: Any, has_dates: bool, options: argparse.Namespace) -> None:
         self._options, self._has_dates = options, has_dates
         source = options.source
-        unit = options.name or ("" if source == "-" else Path(source).stem)
+        unit = printable(options.name or ("" if source == "-" else Path(source).stem))
         self._same = {"unit": unit, "recording": printable(Path(source))}
         self._same["model_note"] = model_description(options.model)["note"] or ""
         self._same["model"] = model_digest(model)
@@ -121,7 +121,7 @@ class StreamRecords:
         if least > 0 and not reading.fastest >= least:  # also if it is not known
             self._turns_since = None
             return True
-        if self._turns_since is None:
+        if self._turns_since is None or reading.start < self._turns_since:  # the clock set back
             self._turns_since = reading.start
         return reading.start - self._turns_since < self._options.quiet
 
@@ -176,13 +176,12 @@ def _setting_text(chosen: AlarmSetting, healthy: Any, hours: float, accepted: fl
         f"raised by {rule.needed} of {rule.of} readings that are not {healthy}{untypical} and "
         f"cleared by {rule.quiet} others; "
     )
-    if chosen.rate is None or not math.isfinite(hours):
-        return text + "false alarms are known only with --every, of a model that left groups out"
+    if not math.isfinite(hours):
+        return text + "false alarms are not known without --every"
+    if chosen.rate is None:
+        return text + "false alarms of this model are not known: --alarm-after sets the rule"
     expected, low, high = (f"{float(f'{x / hours * 1000:.2g}'):,.10g}" for x in chosen.rate)
-    text += (
-        f"{expected} false alarms in 1000 h ({low} to {high}, as {chosen.n_groups} healthy groups "
-        f"of the training tell, if successive readings are independent)"
-    )
+    text += f"expect {expected} false alarms in 1000 h ({low} to {high})"
     if chosen.rate.expected > accepted * hours / 1000:
-        text += f", not {accepted:g}: train with more healthy groups, or lengthen --every"
+        text += f"; for {accepted:g} in 1000 h train with more healthy units or lengthen --every"
     return text

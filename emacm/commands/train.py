@@ -30,6 +30,7 @@ from emacm.files.folder import RecordingFolder
 from emacm.files.layout import Layout
 from emacm.history.sqlite_history import History
 from emacm.machine.bearing_recipe import bearing_recipe
+from emacm.machine.fault_orders import fault_series
 from emacm.models.evidence import training_evidence
 from emacm.models.model_files import load_model, save_model
 from emacm.models.recipes import actuator_recipe
@@ -99,7 +100,8 @@ def _alike(labels: Sequence[Any]) -> Iterator[str]:
 
 def _stored_features(model: Pipeline, options: argparse.Namespace) -> tuple[list[str], Any]:
     """Return names of recordings, and the features that the model has stored in a history."""
-    names, features = History(options.folder).features(model_digest(model[:-1]))
+    history, made_by = History(options.folder), model_digest(model[:-1])
+    names, features = history.features(made_by, model[-1].n_features_in_)
     if not names:
         raise ValueError(
             f"{options.folder} has no features of the model {options.like}: run emacm score with "
@@ -160,10 +162,11 @@ def _print_channels(
             print(f"- {str(name).capitalize()} the decisions cost less: name the other channels.")
 
 
-def extent(recordings: RecordingFolder, options: argparse.Namespace) -> tuple[float, float]:
-    """Return the highest order and the length of a segment [revolutions] that all support.
+def extent(recordings: RecordingFolder, options: argparse.Namespace) -> tuple[float, float, float]:
+    """Return highest order, length of a segment [revolutions], and highest order of all files.
 
-    By default at most order 20, and 16 revolutions, which separate lines 1/8 of an order apart.
+    By default at most 4 times the highest order of the parts, or order 20 if they are not known;
+    and 16 revolutions, which separate lines 1/8 of an order apart.
 
     Defects of files, and the file with the lowest of the highest orders, are printed to stderr.
 
@@ -186,22 +189,28 @@ def extent(recordings: RecordingFolder, options: argparse.Namespace) -> tuple[fl
             raise ValueError(
                 f"{path} has no content above order {row.max_order:.4g}. Lower --max-order."
             )
+    supported = floor(8 * quality["max_order"].min()) / 10
     if orders is None:
-        orders = min(20.0, floor(8 * quality["max_order"].min()) / 10)
-        if orders < 20:
+        parts = parts_of_options(options)
+        lines = fault_series(parts, 1) if parts else ()
+        orders = min(4 * max((line.orders[0] for line in lines), default=5.0), supported)
+        if orders == supported:
             least = recordings.paths[int(quality["max_order"].argmin())]
             print(f"The highest order, {orders:g}, is that of {printable(least)}.", file=sys.stderr)
     if length is None:
         longest = float(quality["longest_stroke"].min())
         length = min(16.0, floor(longest / 2) or floor(8 * longest) / 10)
     check_number(orders, "the highest order (--max-order)", above=0)
-    return orders, check_number(length, "the length of a segment (--revolutions)", above=0)
+    check_number(length, "the length of a segment (--revolutions)", above=0)
+    return orders, length, supported
 
 
 def _recipe(recordings: RecordingFolder, options: argparse.Namespace) -> Pipeline:
     """Return the unfitted pipeline of a recipe, and print up to which order it looks."""
-    max_order, revolutions = extent(recordings, options)
+    max_order, revolutions, supported = extent(recordings, options)
     orders = "" if options.recipe == "bearing" else f"orders up to {max_order:g}, "
+    if orders and max_order < supported:
+        orders += f"the files support {supported:g} (if states are confused, raise --max-order), "
     print(f"{options.recipe}: {orders}segments of {revolutions:g} revolutions")
     common: dict[str, Any] = {"revolutions": revolutions, "min_speed": options.min_speed}
     if options.recipe == "actuator":

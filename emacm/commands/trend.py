@@ -112,7 +112,7 @@ def _trend_of_files(
     if options.time is None:
         doubt, judged = _doubt(paths, layout, new_units or [""] * len(paths), times)
         times = [*range(len(paths))] if judged == "highest" else times
-    max_order, revolutions = extent(healthy, options)
+    max_order, revolutions, _ = extent(healthy, options)
     speed, parts = options.min_speed, parts_of_options(options)
     if parts:
         recipe = bearing_recipe(parts, revolutions=revolutions, min_speed=speed)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import located
+from emacm._checks import check_unmasked, located
 from emacm.decisions.truths import label_list, plain_labels
 from emacm.recordings.inputs import RecordingTransformer, described, entry_name, received
 from emacm.recordings.meta import condition_name, listed_recordings, read_meta, sorted_conditions
@@ -67,6 +67,8 @@ class ConditionBaseline(  # type: ignore[call-arg]
             raise TypeError(
                 f"baseline_recordings must be None or a list of recordings, got {received(added)}"
             )
+        if self.baseline_recordings is not None and not added:
+            raise ValueError("baseline_recordings is empty: add recordings, or set it to None.")
         if any(isinstance(recording, str) for recording in added):  # of a model file
             raise ValueError(f"set baseline_recordings again: {added[0]}.")
         with located("baseline_recordings"):
@@ -139,6 +141,7 @@ def healthy_recordings(X: Any, y: ArrayLike | None, healthy: Any) -> NDArray[np.
     if y is None:
         raise ValueError(f"healthy = {healthy!r} names labels of y: call fit(X, y).")
     wanted = [healthy] if isinstance(healthy, str) or not np.iterable(healthy) else healthy
+    check_unmasked(y, "y")
     labels, wanted = label_list(y), plain_labels(wanted)
     if len(labels) != len(entries):
         raise ValueError(f"y has {len(labels)} labels for {len(entries)} recordings.")

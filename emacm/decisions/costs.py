@@ -36,7 +36,7 @@ def cost_table(
         - Square array: rows are decisions, columns are true classes, both in the order of
           `classes` (followed by the unknown state, or without it).
         - DataFrame: index = decisions, columns = classes, in any order. The index need
-          not contain the classes: "fly" and "ground" may be the only decisions.
+          not contain the classes: "operate" and "take out of service" may be the only decisions.
         - Mapping {(decision, true class): cost}: all other entries are 0 or 1.
 
         A decision that is not a class ("inspect") needs a cost for every class. Costs may be

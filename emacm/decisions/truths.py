@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_choice, check_real_array
+from emacm._checks import check_choice, check_real_array, check_unmasked
 
 Array = NDArray[np.float64]
 
@@ -141,6 +141,7 @@ def check_classes(y: Any) -> None:
     --------
     >>> check_classes(["healthy", "worn"])
     """
+    check_unmasked(y, "y")
     entries = y if isinstance(y, list | tuple) else np.asarray(y)
     if np.ndim(entries) != 1:
         return  # scikit-learn accepts columns, and refuses tables

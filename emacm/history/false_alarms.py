@@ -107,14 +107,11 @@ class AlarmSetting(NamedTuple):
         Typicality at or below which a reading is a reason, whatever the decision is.
     rate : FalseAlarmRate or None
         False alarms per reading; None if they are not known.
-    n_groups : int
-        Healthy groups of the training from which the rate is known.
     """
 
     rule: Rule
     typicality: float = 0.0
     rate: FalseAlarmRate | None = None
-    n_groups: int = 0
 
 
 def alarm_setting(
@@ -173,4 +170,4 @@ def alarm_setting(
     steps = np.concatenate([[0.0], np.unique(left["typicality"].dropna())])
     chosen = bisect_right(steps, accepted, lo=1, key=lambda step: rate(needed, step).expected) - 1
     found = rate(needed, steps[chosen])
-    return AlarmSetting(Rule(needed, of, quiet), float(steps[chosen]), found, n_groups)
+    return AlarmSetting(Rule(needed, of, quiet), float(steps[chosen]), found)

@@ -22,11 +22,12 @@ from urllib.parse import quote, urlsplit
 
 import pandas as pd
 
-from emacm._saved import write_whole
+from emacm._saved import locked, write_whole
 from emacm._statements import warn
 from emacm.history.sqlite_history import History, is_history
 
-_CONTROL = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]")
+# Control characters, and what would be taken for one that is written as in a URL
+_CONTROL = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]|%(?=[0-9A-Fa-f]{2})")
 _FORMS = "FILE.sqlite, influx:FILE, influx:-, prometheus:FILE.prom, mqtt://[user@]host[:port]/topic"
 
 
@@ -165,7 +166,7 @@ def _nanoseconds(time: str | None, more: int = 0) -> str:
 
 def _escaped(text: str) -> str:
     """Return a tag or a name; a backslash at its end would escape the separator."""
-    return re.sub(r"([,= ])", r"\\\1", _printable(text.replace("\\", "%5C")))
+    return re.sub(r"([,= ])", r"\\\1", _printable(text).replace("\\", "%5C"))
 
 
 def _field(value: Any) -> str:
@@ -180,7 +181,7 @@ def _quoted(text: str) -> str:
 
 
 def _printable(text: str) -> str:
-    """Return a text in one line and of valid characters."""
+    """Return a text in one line and of valid characters, other texts as other ones."""
     return _CONTROL.sub(lambda found: quote(found[0], safe="", errors="surrogatepass"), text)
 
 
@@ -191,7 +192,8 @@ def _probabilities(record: Mapping[str, Any]) -> list[str]:
 class PrometheusFile:
     """The last record of each unit as a file of gauges [2]_, for the node exporter of Prometheus.
 
-    The file is always whole. Gauges, all with the label `unit`: ``emacm_decision`` (1, with the
+    The file is always whole. Units that are not written here keep their values: several processes
+    may write one file. Gauges, all with the label `unit`: ``emacm_decision`` (1, with the
     label `decision`), ``emacm_expected_cost``, ``emacm_typicality``, ``emacm_probability`` (label
     `state`), ``emacm_open_alarms`` (those that are not cleared) and
     ``emacm_last_record_timestamp_seconds``. A value that is not known is left out.
@@ -214,17 +216,14 @@ class PrometheusFile:
         self._open: dict[str, set[str]] = {}
         for alarm in history.alarms(open_only=True) if history else ():
             self._open.setdefault(alarm["unit"], set()).add(alarm["id"])
-        known = history.last_records() if history else ()
-        self._last: dict[str, Mapping[str, Any]] = {record["unit"]: record for record in known}
-        self._save()
+        self._save(*(history.last_records() if history else ()))
 
     def write(self, record: Mapping[str, Any]) -> None:
         """Write the file with this record as the last one of its unit."""
         opened = self._open.setdefault(record["unit"], set())
         for alarm in record["alarms"]:
             (opened.discard if alarm["state"] == "cleared" else opened.add)(alarm["id"])
-        self._last[record["unit"]] = record
-        self._save()
+        self._save(record)
 
     def close(self) -> None:
         """Leave the file as it is."""
@@ -241,17 +240,24 @@ class PrometheusFile:
         end = record["end"] and pd.Timestamp(record["end"]).timestamp()
         yield "last_record_timestamp_seconds", "", end
 
-    def _save(self) -> None:
-        texts = {
-            gauge: f"# HELP emacm_{gauge} {about}\n# TYPE emacm_{gauge} gauge\n"
-            for gauge, about in _GAUGES.items()
-        }
-        for unit, record in self._last.items():
-            for gauge, label, value in self._values(record):
-                if value is not None:
-                    labels = f"{{unit={_quoted(unit)}{label}}}"
-                    texts[gauge] += f"emacm_{gauge}{labels} {float(value)!r}\n"
-        write_whole(self._path, "".join(texts.values()).encode())
+    def _save(self, *records: Mapping[str, Any]) -> None:
+        """Write records, of different units; the lines of other units are kept."""
+        of_units = {f"{{unit={_quoted(record['unit'])}" for record in records}
+        self._path.touch()
+        with locked(self._path, wait=True):
+            known = self._path.read_bytes().decode(errors="replace").split("\n")
+            kept = [line for line in known if not any(unit in line for unit in of_units)]
+            lines: list[str] = []
+            for gauge, about in _GAUGES.items():
+                name = f"emacm_{gauge}"
+                lines += [f"# HELP {name} {about}", f"# TYPE {name} gauge"]
+                lines += [line for line in kept if line.startswith(f"{name}{{")]
+                for record in records:
+                    for own, label, value in self._values(record):
+                        if own == gauge and value is not None:
+                            labels = f"{{unit={_quoted(record['unit'])}{label}}}"
+                            lines.append(f"{name}{labels} {float(value)!r}")
+            write_whole(self._path, "\n".join([*lines, ""]).encode())
 
 
 _GAUGES = {
@@ -314,6 +320,7 @@ class MqttSink:
         self._refused: set[str] = set()  # left to the next process
         self._stated: set[str] = set()
         self._client.loop_start()
+        history.send_to(url)  # noted with the record: a kill in between loses nothing
 
     def write(self, record: Mapping[str, Any]) -> None:
         """Send a record, or leave it noted in the history if the broker is away."""

@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from emacm._checks import located
 from emacm.history.records import ALARM
+from emacm.recordings.names import printable
 
 Array = NDArray[np.float64]
 _COLUMNS = (
@@ -19,17 +21,21 @@ _COLUMNS = (
     "warnings", "outside_training", "complete", "error", "model",
 )  # fmt: skip
 _ALARM_COLUMNS = tuple(ALARM["properties"])
-_QUOTED = ", ".join(f'"{name}"' for name in _COLUMNS)  # END is a word of SQL
-_TABLES = (
-    f"records ({_QUOTED}, record TEXT, PRIMARY KEY (id))",
-    f"alarms ({', '.join(_ALARM_COLUMNS)}, PRIMARY KEY (id, since))",
-    "unsent (sink TEXT, id TEXT, PRIMARY KEY (sink, id))",
-    'features (id TEXT PRIMARY KEY, made_by TEXT, "values" BLOB)',
-)
+_TABLES = {  # columns and primary key
+    "records": ((*_COLUMNS, "record"), "id"),
+    "alarms": (_ALARM_COLUMNS, "id, since"),
+    "unsent": (("sink", "id"), "sink, id"),
+    "features": (("id", "made_by", "values"), "id"),
+}
 _INDICES = ('records_of_unit ON records (unit, "end")', "records_of_name ON records (recording)")
-_IS_CHANGED = (  # who acknowledged it is kept; what is written again does not open it again
+_VERSION = 1  # of these tables; 0 if it is not stated, as by the first versions of emacm
+# The clock of a stream is not that of the computer, which dates what a person does: times are not
+# compared. Cleared is the last state; who acknowledged an alarm is kept. A record that was written
+# before opens nothing again. A new one does, even if the clock shows a time for the second time.
+_IS_CHANGED = (
     "ON CONFLICT (id, since) DO UPDATE SET state = excluded.state, time = excluded.time, "
-    "text = excluded.text WHERE excluded.time >= alarms.time"
+    "text = excluded.text, by = CASE excluded.state WHEN 'raised' THEN '' ELSE alarms.by END "
+    "WHERE excluded.state = 'cleared' OR alarms.state = 'raised'"
 )
 
 
@@ -73,16 +79,28 @@ class History:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
+        self._sinks: list[str] = []  # to which each record is to be sent
         try:
-            self._base = sqlite3.connect(self.path, timeout=30)
-            self._base.row_factory = sqlite3.Row
+            self._base = sqlite3.connect(self.path, timeout=30, isolation_level=None)
+            ((version,),) = self._base.execute("PRAGMA user_version")
+            if version > _VERSION:
+                raise ValueError(f"its tables have version {version}, emacm knows {_VERSION}")
+            for name, (columns, _) in _TABLES.items():
+                found = [
+                    column for _, column, *_ in self._base.execute(f"PRAGMA table_info({name})")
+                ]
+                if found and found != [*columns]:
+                    raise ValueError(f"its table {name} has the columns {found}")
             self._base.execute("PRAGMA journal_mode = WAL")  # others read while it is written
-            with self._base:
-                for table in _TABLES:
-                    self._base.execute(f"CREATE TABLE IF NOT EXISTS {table}")
-                for index in _INDICES:
-                    self._base.execute(f"CREATE INDEX IF NOT EXISTS {index}")
-        except sqlite3.Error as error:
+            for name, (columns, key) in _TABLES.items():
+                quoted = ", ".join(f'"{column}"' for column in columns)  # END is a word of SQL
+                table = f"{name} ({quoted}, PRIMARY KEY ({key}))"
+                self._base.execute(f"CREATE TABLE IF NOT EXISTS {table}")
+            for index in _INDICES:
+                self._base.execute(f"CREATE INDEX IF NOT EXISTS {index}")
+            if version < _VERSION:
+                self._base.execute(f"PRAGMA user_version = {_VERSION}")
+        except (sqlite3.Error, ValueError) as error:
             raise ValueError(
                 f"{self.path} cannot be used as a history: {error}. Name a new file, or one that "
                 f"emacm wrote."
@@ -92,86 +110,118 @@ class History:
         """Close the file."""
         self._base.close()
 
+    def send_to(self, sink: str) -> None:
+        """Note each record, while it is written, as one that is still to be sent to a sink."""
+        self._sinks.append(sink)
+
     def write(self, *records: Mapping[str, Any]) -> None:
         """Write records and the alarms that changed with them; all or, after an error, none."""
-        try:
-            with self._base:
-                for record in records:
-                    values = [*(record[name] for name in _COLUMNS), json.dumps(record)]
-                    self._insert("OR REPLACE INTO records", values)
-                    for change in record["alarms"]:
-                        alarm = [change[name] for name in _ALARM_COLUMNS]
-                        self._insert("INTO alarms", alarm, _IS_CHANGED)
-        except sqlite3.Error as error:
-            raise OSError(f"{self.path} cannot be written: {error}.") from error
+        with self._base:  # which undoes what was begun
+            self._sql("BEGIN IMMEDIATE")
+            for record in records:
+                is_new = not self._sql("SELECT id FROM records WHERE id = ?", record["id"])
+                values = [*(record[name] for name in _COLUMNS), json.dumps(record)]
+                self._insert("OR REPLACE INTO records", values)
+                for sink in self._sinks:
+                    self.note_unsent(sink, record["id"])
+                for change in record["alarms"]:
+                    alarm = [change[name] for name in _ALARM_COLUMNS]
+                    opened = f" OR (alarms.state = 'cleared' AND {is_new})"
+                    self._insert("INTO alarms", alarm, _IS_CHANGED + opened)
+            self._sql("COMMIT")
 
     def _insert(self, where: str, values: Sequence[Any], otherwise: str = "") -> None:
         places = ", ".join("?" * len(values))
-        self._base.execute(f"INSERT {where} VALUES ({places}) {otherwise}", values)
+        self._sql(f"INSERT {where} VALUES ({places}) {otherwise}", *values)
+
+    def _sql(self, statement: str, *values: Any) -> list[tuple[Any, ...]]:
+        """Return the rows that a statement finds."""
+        valid = [printable(value) if isinstance(value, str) else value for value in values]
+        try:
+            return self._base.execute(statement, valid).fetchall()
+        except sqlite3.Error as error:
+            raise OSError(
+                f"{self.path} cannot be read or written: {error}. If it is damaged, sqlite3 FILE "
+                f".recover finds what is left of it."
+            ) from error
+
+    def _records(self, where: str, *values: Any) -> list[dict[str, Any]]:
+        """Return the records of the rows that `where` chooses."""
+        records = []
+        for identity, text in self._sql(f"SELECT id, record FROM records {where}", *values):
+            with located(f"{self.path}: its record {identity} is damaged, delete it"):
+                records.append(json.loads(text))
+                if not {*_COLUMNS, "alarms"} <= set(records[-1]):
+                    raise ValueError("fields are missing.")
+        return records
 
     def records(self, unit: str | None = None) -> list[dict[str, Any]]:
         """Return all records, or those of a unit, in order of their end."""
         where, values = ("", ()) if unit is None else ("WHERE unit = ?", (unit,))
-        found = self._base.execute(f'SELECT record FROM records {where} ORDER BY "end", id', values)
-        return [json.loads(text) for (text,) in found]
+        return self._records(f'{where} ORDER BY "end", id', *values)
 
     def last_records(self, most: int = 1) -> list[dict[str, Any]]:
         """Return the last records of each unit, at most so many, in order of their end."""
-        query = 'SELECT record FROM records WHERE unit = ? ORDER BY "end" DESC, id DESC LIMIT ?'
-        units = self._base.execute("SELECT DISTINCT unit FROM records ORDER BY unit").fetchall()
-        found = [self._base.execute(query, (*unit, most)).fetchall()[::-1] for unit in units]
-        return [json.loads(text) for records in found for (text,) in records]
+        where = 'WHERE unit = ? ORDER BY "end" DESC, id DESC LIMIT ?'
+        units = self._sql("SELECT DISTINCT unit FROM records ORDER BY unit")
+        return [record for (u,) in units for record in self._records(where, u, most)[::-1]]
 
-    def known(self) -> list[dict[str, Any]]:
-        """Return recording, identity, decision and error of each record."""
-        found = self._base.execute("SELECT recording, id, decision, error FROM records")
-        return [dict(row) for row in found]
+    def known(self, made_by: str | None = None) -> list[dict[str, Any]]:
+        """Return recording, identity, decision and error of each record.
+
+        With `made_by`, as for `write_features`, of those whose features are stored.
+        """
+        names = "recording", "id", "decision", "error"
+        stored = "?1 IS NULL OR id IN (SELECT id FROM features WHERE made_by = ?1)"
+        found = self._sql(f"SELECT {', '.join(names)} FROM records WHERE {stored}", made_by)
+        return [dict(zip(names, row, strict=True)) for row in found]
 
     def alarms(self, *, open_only: bool = False) -> list[dict[str, Any]]:
         """Return the alarms, the latest first; those that are not cleared, if `open_only`."""
         where = "WHERE state != 'cleared'" if open_only else ""
-        found = self._base.execute(f"SELECT * FROM alarms {where} ORDER BY since DESC, id")
-        return [dict(row) for row in found]
+        found = self._sql(f"SELECT * FROM alarms {where} ORDER BY since DESC, id")
+        return [dict(zip(_ALARM_COLUMNS, row, strict=True)) for row in found]
 
     def write_features(self, identity: str, made_by: str, values: Array) -> None:
         """Write the features of a record; `made_by` is the digest of the steps that made them."""
-        with self._base:
-            content = np.asarray(values, "<f8").tobytes()
-            self._insert("OR REPLACE INTO features", [identity, made_by, content])
+        content = np.asarray(values, "<f8").tobytes()
+        self._insert("OR REPLACE INTO features", [identity, made_by, content])
 
-    def features(self, made_by: str) -> tuple[list[str], Array]:
-        """Return recordings and the features of shape (n_recordings, n_features) of these steps."""
-        found = self._base.execute(
-            'SELECT recording, "values" FROM features JOIN records USING (id) WHERE made_by = ? '
-            'ORDER BY "end", id',
-            (made_by,),
-        ).fetchall()
-        rows = [np.frombuffer(row["values"], "<f8") for row in found]
-        return [row["recording"] for row in found], np.array(rows)
+    def features(self, made_by: str, n_features: int) -> tuple[list[str], Array]:
+        """Return recordings and the features of shape (n_recordings, n_features) of these steps.
+
+        Of a recording that was decided on several times, those that were written last.
+        """
+        rows = dict(
+            self._sql(
+                'SELECT recording, "values" FROM features JOIN records USING (id) '
+                'WHERE made_by = ? ORDER BY "end", features.rowid',
+                made_by,
+            )
+        )
+        with located(f"{self.path}: features are damaged (emacm score --features --again)"):
+            found = [np.frombuffer(content, "<f8") for content in rows.values()]
+            values = np.array(found).reshape(len(rows), n_features)
+            if not np.isfinite(values).all():
+                raise ValueError("they are not finite.")
+        return [*rows], values
 
     def set_state(self, identity: str, state: str, *, by: str, time: str) -> int:
         """Set the state of an alarm that is not cleared; return how many there are."""
-        with self._base:
-            return self._base.execute(
-                "UPDATE alarms SET state = ?, by = ?, time = ? WHERE id = ? AND state != 'cleared'",
-                (state, by, time, identity),
-            ).rowcount
+        which = "WHERE id = ? AND state != 'cleared'"
+        values = state, by, time, identity
+        self._sql(f"UPDATE alarms SET state = ?, by = ?, time = ? {which}", *values)
+        return int(self._sql("SELECT changes()")[0][0])
 
     def note_unsent(self, sink: str, identity: str) -> None:
         """Note that a record is still to be sent."""
-        with self._base:
-            self._insert("OR REPLACE INTO unsent", [sink, identity])
+        self._insert("OR REPLACE INTO unsent", [sink, identity])
 
     def note_sent(self, sink: str, identity: str) -> None:
         """Note that a record was sent."""
-        with self._base:
-            self._base.execute("DELETE FROM unsent WHERE sink = ? AND id = ?", (sink, identity))
+        self._sql("DELETE FROM unsent WHERE sink = ? AND id = ?", sink, identity)
 
     def unsent(self, sink: str, most: int = -1) -> list[dict[str, Any]]:
         """Return the records still to be sent, in order of their end; the first `most` of them."""
-        found = self._base.execute(
-            "SELECT record FROM records JOIN unsent USING (id) WHERE sink = ? "
-            'ORDER BY "end", id LIMIT ?',
-            (sink, most),
-        )
-        return [json.loads(text) for (text,) in found]
+        where = 'JOIN unsent USING (id) WHERE sink = ? ORDER BY "end", id LIMIT ?'
+        return self._records(where, sink, most)

@@ -18,6 +18,7 @@ from emacm._checks import (
     check_finite_readings,
     check_number,
     check_table,
+    check_unmasked,
 )
 from emacm._saved import SavedEstimator
 from emacm._statements import warn
@@ -265,6 +266,7 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         self._check_parameters()
         options: Any = {"dtype": np.float64, "ensure_all_finite": False}
         check_table(X)
+        check_unmasked(y, "y")
         X, y = validate_data(self, X, y, y_numeric=True, ensure_min_samples=2, **options)
         y = np.asarray(y, dtype=np.float64)
         self._check_values(X)

@@ -114,7 +114,8 @@ class LineLevels:
         if places.min() < 2:  # the skirt of order 0; to be named, a line must be `resolved`
             raise ValueError(
                 f"the first line of {fault.name!r} is at order {lines[0]:.4g}; the spectra have a "
-                f"line every {self._step:.4g} orders. Raise revolutions of OrderPSD."
+                f"line every {self._step:.4g} orders. Raise revolutions of OrderPSD, or "
+                f"--revolutions, to {np.ceil(2 / (lines[0] * (1 - reach))):.0f}."
             )
         if places.max() > len(self.orders) - 2:
             raise ValueError(

@@ -215,9 +215,10 @@ def meta_value(path: Path, layout: Layout, key: str) -> Any:
     with located(str(path)):
         meta = layout.meta_of(path)
         if key not in meta:
+            known = f", only {list(meta)}" if meta else ""
             raise ValueError(
-                f"its meta has no {key!r}, only {list(meta)}. State it by meta in the layout, as "
-                f"in meta = '{{unit}}_{{state}}_{{run:d}}'."
+                f"its meta has no {key!r}{known}: the layout does not say which part of the file "
+                f"name it is, as in meta = '{{unit}}_{{state}}_{{run:d}}'."
             )
         if pd.isna(meta[key]) or meta[key] == "":
             raise ValueError(f"its {key!r} is empty. State it, or leave the file out.")

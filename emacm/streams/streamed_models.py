@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
@@ -161,6 +162,8 @@ class StreamedModel:
         self._check_options()
         self.classifier = steps.pop() if hasattr(steps[-1], "predict_proba") else None
         self._transformers = steps[2:]
+        following = [*self._transformers, self.classifier][0]
+        self._names = getattr(following, "feature_names_in_", None)
 
     def reading(
         self, start: float, time: float, powers: Array, quality: Quality, complete: bool = True
@@ -183,6 +186,8 @@ class StreamedModel:
         Reading
         """
         table: Any = self.psd.table_of([powers])
+        if self._names is not None:  # of a model that was fitted to a DataFrame
+            table = pd.DataFrame(table, columns=self._names)
         lines: list[Statement] = []
         for step in [*self._transformers, *filter(None, [self.classifier])]:
             if complete:

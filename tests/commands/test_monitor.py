@@ -230,15 +230,6 @@ def test_a_state_that_is_damaged_or_of_another_file_is_refused(here, capsys):
         assert "without which the file is read from its beginning" in error
 
 
-def test_the_state_is_written_after_each_reading_and_not_with_each_block(here, capsys, monkeypatch):
-    written = []
-    replace = command.os.replace
-    monkeypatch.setattr(command.os, "replace", lambda *names: written.append(replace(*names)))
-    run("--idle", "0", "--every", "1.5", "--unit", "s", "--state", "seldom.state")
-    assert len(printed(capsys)) == 4
-    assert len(written) == 4 + 1  # the readings, the end
-
-
 ALARMS = ("--healthy", "ok", "--every", "1", "--unit", "s", "--start", "2026-03-01T10:00+01:00")
 RULE = ("--alarm-after", "2/3", "--clear-after", "2")
 
@@ -268,12 +259,6 @@ def test_there_are_no_alarms_of_a_slow_shaft_and_just_after_its_start(here, caps
     records = printed(capsys)
     assert {record["decision"] for record in records} == {"worn"}
     assert alarms_of(records) == []
-
-
-def test_false_alarms_are_stated_for_the_groups_of_the_training(here, capsys):
-    assert run("--idle", "0", *ALARMS, "--false-alarms", "1000") == 0
-    stated = capsys.readouterr().err
-    assert re.search(r"raised by \d of 5 readings that are not ok.* in 1000 h \(", stated)
 
 
 def test_a_single_healthy_reading_raises_no_alarm(here, capsys):

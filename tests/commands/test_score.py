@@ -265,14 +265,6 @@ def test_watching_decides_on_files_as_they_come(here, monkeypatch):
     assert [row["decision"] for row in rows if row["recording"] == "files/new_9.npz"] == ["worn"]
 
 
-def test_the_help_states_the_exit_statuses(capsys):
-    with pytest.raises(SystemExit):
-        main(["score", "--help"])
-    printed = " ".join(capsys.readouterr().out.split())
-    assert "Exit status: 0 if all files were decided on; 1 if a decision of --fail-on" in printed
-    assert "3 if files failed" in printed
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [

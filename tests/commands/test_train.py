@@ -162,8 +162,6 @@ def test_costs_and_priors_of_the_command_are_in_the_saved_model(here):
         (["--healthy", "good"], "--healthy must name the healthy state"),
         (["--labels", "condition"], "its meta has no 'condition'"),
         (["--priors", "x"], "--priors must be 'uniform'"),
-        (["--max-order", "-3"], "--max-order: expected a number above 0"),
-        (["--cost", "none.csv"], "none.csv"),
     ],
 )
 def test_an_invalid_command_is_status_2_and_one_line(here, capsys, options, message):
@@ -193,14 +191,6 @@ def test_a_missing_folder_of_the_result_is_an_error_at_once(
     assert "there is no folder 'none'" in capsys.readouterr().err
 
 
-def test_a_layout_without_meta_is_an_error_with_an_example(here, capsys):
-    Path("layout.toml").write_text('velocity = "speed"\n')
-    assert train() == 2
-    message = capsys.readouterr().err
-    assert "U0_healthy_0.npz: its meta has no 'state'" in message
-    assert "meta = '{unit}_{state}_{run:d}'" in message
-
-
 def test_an_empty_state_and_an_output_that_is_a_folder_are_refused(here, capsys):
     rows = [f"{path.name},{path.name[:2]},\n" for path in sorted(Path("files").iterdir())]
     Path("meta.csv").write_text("file,unit,state\n" + "".join(rows))
@@ -220,7 +210,6 @@ def test_states_that_differ_only_in_case_are_stated(here, capsys):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--bearing", "6205"], "--recipe orders has no use for --bearing and --parts"),
         (["--recipe", "bearing"], "give --bearing 6205"),
         (["--max-order", "0"], "argument --max-order: expected a number above 0, got '0'"),
         (["--cost", "none.csv"], "there is no file 'none.csv'"),

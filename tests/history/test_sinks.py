@@ -114,18 +114,6 @@ def test_a_gauge_has_the_labels_of_its_unit(text, tmp_path):
     assert not any(name == "emacm_typicality" for name, *_ in found)
 
 
-def test_gauges_are_those_of_the_last_record_of_each_unit(tmp_path):
-    sink = sink_of(f"prometheus:{tmp_path / 'a.prom'}")
-    for record in (a_record("a", "1"), a_record("b", "2"), a_record("a", "3", decision="healthy")):
-        sink.write(record)
-    decisions = [key[1:] for key in gauges(tmp_path / "a.prom") if key[0] == "emacm_decision"]
-    assert {(decision[1], unit[1]) for decision, unit in decisions} == {
-        ("healthy", "a"),
-        ("worn", "b"),
-    }
-    assert [path.name for path in tmp_path.iterdir()] == ["a.prom"]
-
-
 def test_open_alarms_are_counted_also_those_from_before(tmp_path):
     history, path = History(tmp_path / "h.sqlite"), tmp_path / "a.prom"
     counted = []

@@ -213,15 +213,6 @@ def text_of(url):
         return ""
 
 
-def test_promtool_accepts_the_file_of_gauges(tmp_path):
-    sink = sink_of(f"prometheus:{tmp_path / 'a.prom'}")
-    for record in some_records(3, alarms=True):
-        sink.write(record)
-    command, gauges = [program("promtool"), "check", "metrics"], (tmp_path / "a.prom").read_bytes()
-    result = subprocess.run(command, input=gauges, capture_output=True, check=False)
-    assert (result.returncode, result.stdout, result.stderr) == (0, b"", b"")
-
-
 @pytest.fixture
 def exporter(tmp_path):
     port = free_port()
