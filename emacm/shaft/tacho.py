@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator
 
 from emacm._checks import check_choice, check_count, check_number, check_signal, located
+from emacm.shaft.mark_numbers import number_pulses
 
 Angle = NDArray[np.float64]
-
-_REACH = 3  # intervals on either side from which the length of an interval is estimated
 
 
 def pulse_times(
@@ -179,12 +177,18 @@ def angle_from_pulses(
     instants = np.arange(check_count(n_times, "n_times")) / fs
     per_rev = check_number(pulses_per_rev, "pulses_per_rev", above=0)
     _check_pulses(pulses, instants[-1])
-    kept, double = _without_doubles(pulses)
-    _check_gap(kept[0] / (kept[1] - kept[0]), f"before the first pulse at {kept[0]:.6g} s")
-    due = (instants[-1] - kept[-1]) / (kept[-1] - kept[-2])
-    _check_gap(due, f"after the last pulse at {kept[-1]:.6g} s")
-    number, missing = _numbered(kept)
-    return TachoAngle(_interpolated(kept, number / per_rev * 2 * np.pi, instants), missing, double)
+    found = number_pulses(pulses, int(per_rev) if per_rev.is_integer() else 1)
+    kept, places = pulses[found.kept], found.places
+    begin, end = (np.diff(kept) / np.diff(places))[[0, -1]]
+    _check_gap(kept[0] / begin, f"before the first pulse at {kept[0]:.6g} s")
+    _check_gap((instants[-1] - kept[-1]) / end, f"after the last pulse at {kept[-1]:.6g} s")
+    steps = np.diff(places)
+    for index in np.flatnonzero(steps > 10)[:1]:
+        _check_gap(steps[index], f"after pulse {index} at {kept[index]:.6g} s")
+    angle = (places - places[0]) / per_rev * 2 * np.pi
+    absent = np.setdiff1d(np.arange(found.number[0], found.number[-1]), found.number)
+    missing = PchipInterpolator(places, kept)(found.marks.places(absent))
+    return TachoAngle(_interpolated(kept, angle, instants), missing, np.delete(pulses, found.kept))
 
 
 def angle_from_tacho(
@@ -252,97 +256,6 @@ def _check_pulses(pulses: Angle, end: float) -> None:
             f"times must hold at least two pulses from 0 to {end:.6g} s, got {len(pulses)} from "
             f"{pulses[0]:.6g} to {pulses[-1]:.6g}. Are they in s, and fs and n_times right?"
         )
-
-
-def _too_short_or_long(log_intervals: Angle) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Angle]:
-    """Mark intervals too short and perhaps too long for their neighbours; expect a logarithm."""
-    n = len(log_intervals)
-    if n < 3:
-        return np.zeros(n, bool), np.zeros(n, bool), log_intervals
-    padded = np.pad(log_intervals, _REACH, mode="edge")
-    medians = np.median(sliding_window_view(padded, _REACH), axis=-1)
-    before, after = medians[:n], medians[_REACH + 1 :]
-    expected, low, high = (before + after) / 2, np.minimum(before, after), np.maximum(before, after)
-    for end, nearest in ((0, log_intervals[1:4]), (-1, log_intervals[-2:-5:-1])):
-        # Neighbours on one side only: the speed may go on changing, even four times as fast,
-        # before an interval counts as short; long ones are tried again in _parts_due.
-        trend = -np.diff(nearest)
-        margin = 4 * np.abs(trend).max() if len(nearest) == _REACH else np.inf
-        expected[end] = nearest[0] + trend[0]
-        low[end], high[end] = nearest[0] - margin, nearest[0]
-    short = log_intervals < np.minimum(expected + np.log(0.6), low - np.log(1.2))
-    for outer in (np.arange(n)[:5], np.arange(n)[:-6:-1]):
-        # An outermost interval cut in two looks like a faster start, but makes one when joined.
-        if n >= 5 and not short[outer].any():
-            first, second, third, fourth, fifth = log_intervals[outer]
-            due = min(third, fourth, 2 * fourth - fifth)
-            joined = np.logaddexp(first, second) < due + np.log(1.4)
-            short[outer[int(second < first)]] = joined and min(first, second) < due + np.log(0.7)
-    long = log_intervals > np.maximum(expected + np.log(1.4), high)
-    return short, long, expected
-
-
-def _without_doubles(pulses: Angle) -> tuple[Angle, Angle]:
-    """Take out the pulses that make an interval too short; return what stays and what went."""
-    double: list[float] = []
-    while True:
-        short = np.flatnonzero(_too_short_or_long(np.log(np.diff(pulses)))[0])
-        if not len(short):
-            return pulses, np.sort(np.array(double, dtype=np.float64))
-        apart = short[np.diff(short, prepend=-_REACH - 1) > _REACH]
-        stray = [_rougher_end(pulses, index) for index in apart]
-        double.extend(pulses[stray])
-        pulses = np.delete(pulses, stray)
-
-
-def _rougher_end(pulses: Angle, index: int) -> int:
-    """Of the two pulses around interval `index`, the one without which the rest runs smoother."""
-    start = max(index - _REACH, 0)
-    nearby = pulses[start : index + _REACH + 2]
-
-    def roughness(pulse: int) -> float:
-        rest = np.log(np.diff(np.delete(nearby, pulse - start)))
-        return float(np.abs(np.diff(rest, n=min(2, len(rest) - 1))).mean())
-
-    return min(index + 1, index, key=roughness)
-
-
-def _numbered(pulses: Angle) -> tuple[NDArray[np.int64], Angle]:
-    """Count the pulses, missing ones included; return their numbers and when those were due."""
-    intervals = np.diff(pulses)
-    parts = np.ones(len(intervals), dtype=np.int64)
-    changed = True
-    while changed:
-        logs = np.log(intervals / parts)
-        _, long, expected = _too_short_or_long(logs)
-        long &= parts == 1
-        guess = parts.copy()  # so that of two gaps close together neither misleads the other
-        guess[long] = np.rint(np.minimum(np.exp(logs - expected), 1e6)[long])
-        parts[long] = [_parts_due(pulses, guess, index) for index in np.flatnonzero(long).tolist()]
-        changed = bool((parts[long] > 1).any())
-    number = np.concatenate(([0], np.cumsum(parts)))
-    absent = np.setdiff1d(np.arange(number[-1]), number)
-    return number, PchipInterpolator(number, pulses)(absent)
-
-
-def _parts_due(pulses: Angle, parts: NDArray[np.int64], index: int) -> int:
-    """Tell how many intervals a long one stands for, by a speed that is a parabola in time.
-
-    Least squares over the pulses around: a polynomial of the pulse number in time, and the
-    number of intervals by which the pulses after the gap are ahead of those before.
-    """
-    first, last = max(index - _REACH, 0), min(index + _REACH + 2, len(pulses))
-    time = (pulses[first:last] - pulses[index]) / (pulses[index + 1] - pulses[index])
-    steps = parts[first : last - 1].astype(np.float64)
-    steps[index - first] = 0
-    after = time > 0.5
-    fewer = min(np.count_nonzero(after), np.count_nonzero(~after))
-    degree = min(3 if fewer >= _REACH else 2, len(time) - 2)
-    number = np.concatenate(([0], np.cumsum(steps)))
-    terms = np.column_stack([np.vander(time, degree + 1), -after.astype(np.float64)])
-    due = float(np.linalg.lstsq(terms, number, rcond=None)[0][-1])
-    _check_gap(due, f"after pulse {index} at {pulses[index]:.6g} s")
-    return max(1, round(due))
 
 
 def _check_gap(due: float, place: str) -> None:
