@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm._checks import check_signal, located
+from emacm._statements import Statement
 from emacm.files.layout import Layout, constant_speed
 from emacm.files.sample_times import dates_of, rate_of_times, seconds_of, time_unit
 from emacm.recordings.names import (
@@ -24,7 +25,7 @@ from emacm.recordings.names import (
     unit_ratio,
 )
 from emacm.shaft.angle import angle_from_wrapped, is_wrapped
-from emacm.shaft.tacho import angle_from_tacho
+from emacm.shaft.tacho import tacho_angle
 
 _RATES = {"fs", "sfreq", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency"}
 _RATES |= {"abtastrate"}
@@ -54,6 +55,8 @@ class FileColumns:
         When the recording started, if the file states it other than by a column of times.
     starts : dict of str to float
         When columns start, where the file states it, from any common instant [s].
+    statements : tuple of Statement
+        What is known about the shaft, once a recording was made: repairs of a tachometer.
     """
 
     columns: dict[str, NDArray[Any]] = field(default_factory=dict)
@@ -63,6 +66,7 @@ class FileColumns:
     ignored: dict[str, str] = field(default_factory=dict)
     start: pd.Timestamp | None = None
     starts: dict[str, float] = field(default_factory=dict)
+    statements: tuple[Statement, ...] = ()
 
     def take_units_from_names(self) -> None:
         """Take the units out of the names of columns, as in "speed [rpm]"."""
@@ -495,7 +499,9 @@ def _shaft(
     if layout.tacho is not None:
         options = dict(layout.tacho) if isinstance(layout.tacho, Mapping) else {}
         options.pop("column", None)
-        return {"angle": angle_from_tacho(values, rate, **options).angle, "shaft_fs": rate}
+        found = tacho_angle(values, rate, **options)
+        content.statements = found.statements
+        return {"angle": found.angle, "shaft_fs": rate}
     factor = unit_factor(_shaft_unit(content, layout, column, kind), kind)
     return {kind: values if factor == 1 else values * factor, "shaft_fs": rate}
 

@@ -86,6 +86,18 @@ class NumberedPulses(NamedTuple):
         """Places of the pulses that are kept, in mean intervals."""
         return self.marks.places(self.number)
 
+    @property
+    def absent(self) -> Numbers:
+        """Numbers of the missing pulses."""
+        return np.setdiff1d(np.arange(self.number[0], self.number[-1]), self.number)
+
+    def n_irregular(self, n_marks: int) -> int:
+        """Return the number of missing pulses, without those of a gap in an even wheel."""
+        lacking = np.bincount(self.absent % n_marks, minlength=n_marks)
+        n_turns = (self.number[-1] - self.number[0]) // n_marks
+        is_gap = (lacking > n_turns / 2) & (min(n_marks, n_turns) > 1) & (self.marks == Marks())
+        return int(lacking[~is_gap].sum())
+
 
 class _Trace(NamedTuple):
     """One way to number the pulses up to a certain one.

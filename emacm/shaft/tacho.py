@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import warnings
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator
 
 from emacm._checks import check_choice, check_count, check_number, check_signal, located
+from emacm._statements import EmacmWarning, Statement
 from emacm.shaft.mark_numbers import number_pulses
 
 Angle = NDArray[np.float64]
@@ -36,7 +39,8 @@ def pulse_times(
     fs : float
         Sampling rate [Hz].
     threshold : float, optional
-        Level whose crossing is a pulse. Default: halfway between the 0.1 and 99.9 % percentiles.
+        Level whose crossing is a pulse. Default: halfway between the 0.1 and 99.9 % percentiles; if
+        the level drifts, of each part of the signal.
     hysteresis : float, optional
         Width of the band in which noise causes no pulses. Default: a quarter of the distance of the
         two percentiles.
@@ -54,6 +58,11 @@ def pulse_times(
         If the channel is not a finite numeric signal, is flat, has no pulse, or (without
         `threshold` and `hysteresis`) has peaks so rare that its levels cannot be determined.
 
+    Warns
+    -----
+    EmacmWarning
+        If the level drifts, or the pulses are so short that some may lie between two samples.
+
     See Also
     --------
     emacm.angle_from_pulses : The shaft angle from these times.
@@ -63,9 +72,25 @@ def pulse_times(
     >>> pulse_times([0, 0, 1, 1, 0, 0, 1, 1, 0], fs=1)
     array([1.5, 5.5])
     """
+    times, statements = _stated_pulses(tacho, fs, threshold, hysteresis, edge)
+    _warn(statements)
+    return times
+
+
+def _stated_pulses(
+    tacho: ArrayLike, fs: float, threshold: float | None, hysteresis: float | None, edge: str
+) -> tuple[Angle, tuple[Statement, ...]]:
+    """Return the times of pulses, and what is to be known about the signal."""
     signal = check_signal(tacho, "tacho").astype(np.float64)
     fs = check_number(fs, "fs", above=0, unit="Hz")
     check_choice(edge, "edge", ("rising", "falling"))
+    statements: list[Statement] = []
+    if threshold is None:
+        signal, drift = _without_drift(signal)
+        if drift:
+            text = f"the level of the tachometer drifts by {drift:.3g} of its pulses; the drift is "
+            text += "taken out, as by a high-pass"
+            statements.append(Statement("drift", "", text, False, drift, 0.25))
     if threshold is None or hysteresis is None:
         # Levels by percentiles that a few spikes do not move.
         low, high = (float(level) for level in np.percentile(signal, (0.1, 99.9)))
@@ -75,17 +100,61 @@ def pulse_times(
     level = check_number(threshold, "threshold")
     half = check_number(hysteresis, "hysteresis", at_least=0) / 2
     height = (signal - level) * (1.0 if edge == "rising" else -1.0)
-    decided = np.flatnonzero((height >= half) | (height <= -half))
-    above = height[decided] >= half
-    fired = decided[1:][above[1:] & ~above[:-1]]
+    fired, above = _fired(height, half)
     if not len(fired):
         raise ValueError(
             f"tacho must cross {level:.6g} ± {half:.6g} by a {edge} edge, got none in values from "
-            f"{signal.min():.6g} to {signal.max():.6g}. Set threshold and hysteresis."
+            f"{signal.min():.6g} to {signal.max():.6g}. Set threshold and hysteresis, or apply a "
+            f"high-pass if the level drifts."
         )
+    _check_steps(height, len(fired))
     crossing = np.flatnonzero((height[:-1] < 0) & (height[1:] >= 0))
     last = crossing[np.searchsorted(crossing, fired) - 1]
-    return (last + height[last] / (height[last] - height[last + 1])) / fs
+    width = min(above, len(signal) - above) / len(fired)
+    if width <= 1:
+        text = "the pulses of the tachometer last one sample or less, so that some are missed: "
+        text += "sample faster, or use wider marks"
+        statements.append(Statement("short pulses", "", text, True, width, 1.0))
+    return (last + height[last] / (height[last] - height[last + 1])) / fs, tuple(statements)
+
+
+def _fired(height: Angle, half: float) -> tuple[NDArray[np.intp], int]:
+    """Return the samples at which a Schmitt trigger fires, and how many are above."""
+    decided = np.flatnonzero((height >= half) | (height <= -half))
+    above = height[decided] >= half
+    return decided[1:][above[1:] & ~above[:-1]], int(np.count_nonzero(height > 0))
+
+
+def _without_drift(signal: Angle) -> tuple[Angle, float]:
+    """Subtract the middle of the levels if it drifts; return by how many heights of a pulse.
+
+    The levels are those of parts of the signal, as many as have three pulses in each of them.
+    """
+    for n_parts in (n for n in (64, 32, 16, 8, 4) if n <= len(signal) // 16):
+        parts = np.array_split(signal, n_parts)
+        low, high = np.array([np.percentile(part, (0.1, 99.9)) for part in parts]).T
+        middle, height = (low + high) / 2, high - low
+        trigger = zip(parts, middle, height, strict=True)
+        if height.min() > 0 and all(len(_fired(x - m, h / 4)[0]) > 2 for x, m, h in trigger):
+            drift = float(np.ptp(middle) / np.median(height))
+            centres = (np.arange(n_parts) + 0.5) * len(signal) / n_parts
+            course = np.interp(np.arange(len(signal)), centres, middle)
+            return (signal - course, drift) if drift > 0.25 else (signal, 0.0)  # of the hysteresis
+    return signal, 0.0
+
+
+def _check_steps(signal: Angle, n_pulses: int) -> None:
+    """Refuse a level that drifts by more than the steps up, of which many cross no threshold."""
+    steps = np.diff(signal)
+    parts = np.array_split(signal, min(64, len(signal)))
+    drift = float(np.ptp([np.median(part) for part in parts]))
+    is_square = steps.max() > np.median([np.ptp(part) for part in parts]) / 2
+    n_steps = np.count_nonzero(steps > steps.max() / 2)
+    if is_square and n_steps > max(3, 1.5 * n_pulses) and drift > 1.5 * steps.max():
+        raise ValueError(
+            f"tacho must have two levels, got a level that drifts by {drift:.4g} where the pulses "
+            f"are steps of {steps.max():.4g}. Apply a high-pass, as scipy.signal.butter, first."
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,11 +169,14 @@ class TachoAngle:
         Times [s] at which a missing pulse was inserted.
     double : ndarray of shape (n_double,)
         Times [s] of the double pulses that were removed.
+    statements : tuple of Statement
+        What is to be known: many repairs, a level that drifts, pulses that are too short.
     """
 
     angle: Angle
     missing: NDArray[np.float64]
     double: NDArray[np.float64]
+    statements: tuple[Statement, ...] = ()
 
 
 def angle_from_pulses(
@@ -172,23 +244,56 @@ def angle_from_pulses(
     >>> (turn.angle / np.pi).round(6)
     array([ 0.,  1.,  2.,  3.,  4.,  5.,  6.,  7.,  8.,  9., 10., 11., 12.])
     """
+    found = _repaired(times, fs, n_times, pulses_per_rev)
+    _warn(found.statements)
+    return found
+
+
+def _repaired(times: ArrayLike, fs: float, n_times: int, pulses_per_rev: float) -> TachoAngle:
     pulses = check_signal(times, "times").astype(np.float64)
     fs = check_number(fs, "fs", above=0, unit="Hz")
     instants = np.arange(check_count(n_times, "n_times")) / fs
     per_rev = check_number(pulses_per_rev, "pulses_per_rev", above=0)
     _check_pulses(pulses, instants[-1])
-    found = number_pulses(pulses, int(per_rev) if per_rev.is_integer() else 1)
+    n_marks = int(per_rev) if per_rev.is_integer() else 1
+    found = number_pulses(pulses, n_marks)
     kept, places = pulses[found.kept], found.places
+    steps = np.diff(places)
+    n_missing = found.n_irregular(n_marks) - round(float((steps[steps > 10] - 1).sum()))
+    statements = _repair_statements(n_missing, len(pulses) - len(kept), len(pulses))
     begin, end = (np.diff(kept) / np.diff(places))[[0, -1]]
     _check_gap(kept[0] / begin, f"before the first pulse at {kept[0]:.6g} s")
     _check_gap((instants[-1] - kept[-1]) / end, f"after the last pulse at {kept[-1]:.6g} s")
-    steps = np.diff(places)
     for index in np.flatnonzero(steps > 10)[:1]:
         _check_gap(steps[index], f"after pulse {index} at {kept[index]:.6g} s")
     angle = (places - places[0]) / per_rev * 2 * np.pi
-    absent = np.setdiff1d(np.arange(found.number[0], found.number[-1]), found.number)
-    missing = PchipInterpolator(places, kept)(found.marks.places(absent))
-    return TachoAngle(_interpolated(kept, angle, instants), missing, np.delete(pulses, found.kept))
+    missing = PchipInterpolator(places, kept)(found.marks.places(found.absent))
+    double = np.delete(pulses, found.kept)
+    return TachoAngle(_interpolated(kept, angle, instants), missing, double, statements)
+
+
+def _repair_statements(n_missing: int, n_double: int, n_pulses: int) -> tuple[Statement, ...]:
+    """State more repairs than a few in a hundred pulses; refuse more than one in ten.
+
+    With up to 5 % of the pulses missing, the number of turns is right; with noise that makes one
+    double pulse in six, it is not.
+    """
+    share = (n_missing + n_double) / n_pulses
+    text = f"{n_missing} missing and {n_double} double pulses among {n_pulses} of the tachometer"
+    if share * n_pulses > max(3, 0.1 * n_pulses):
+        raise ValueError(
+            f"times must be pulses that follow the speed of a shaft, got {text}, so that the "
+            f"number of turns is not known. Is there noise, are pulses shorter than a sample, is "
+            f"pulses_per_rev right? Set threshold and hysteresis, or repair the sensor."
+        )
+    if share * n_pulses <= max(3, 0.03 * n_pulses):
+        return ()
+    return (Statement("tachometer", "", f"{text} were repaired", False, share, 0.03),)
+
+
+def _warn(statements: tuple[Statement, ...]) -> None:
+    for statement in statements:
+        warnings.warn(EmacmWarning(statement), stacklevel=3)
 
 
 def angle_from_tacho(
@@ -198,6 +303,7 @@ def angle_from_tacho(
     pulses_per_rev: float = 1,
     threshold: float | None = None,
     hysteresis: float | None = None,
+    edge: str = "rising",
 ) -> TachoAngle:
     """Compute the shaft angle from a raw tacho channel: `pulse_times`, then `angle_from_pulses`.
 
@@ -205,7 +311,7 @@ def angle_from_tacho(
 
     Parameters
     ----------
-    tacho, fs, threshold, hysteresis
+    tacho, fs, threshold, hysteresis, edge
         See `pulse_times`.
     pulses_per_rev
         See `angle_from_pulses`.
@@ -230,9 +336,26 @@ def angle_from_tacho(
     >>> (angle_from_tacho([0, 0, 1, 1] * 5, fs=4).angle / (2 * np.pi)).round(3)[::4]
     array([-0.375,  0.625,  1.625,  2.625,  3.625])
     """
-    times = pulse_times(tacho, fs, threshold=threshold, hysteresis=hysteresis)
+    options: Any = {"threshold": threshold, "hysteresis": hysteresis, "edge": edge}
+    found = tacho_angle(tacho, fs, pulses_per_rev=pulses_per_rev, **options)
+    _warn(found.statements)
+    return found
+
+
+def tacho_angle(
+    tacho: ArrayLike,
+    fs: float,
+    *,
+    pulses_per_rev: float = 1,
+    threshold: float | None = None,
+    hysteresis: float | None = None,
+    edge: str = "rising",
+) -> TachoAngle:
+    """Compute the shaft angle as `angle_from_tacho` does, without warnings: for files."""
+    times, statements = _stated_pulses(tacho, fs, threshold, hysteresis, edge)
     with located("the pulses of tacho"):
-        return angle_from_pulses(times, fs, len(np.asarray(tacho)), pulses_per_rev=pulses_per_rev)
+        found = _repaired(times, fs, len(np.asarray(tacho)), pulses_per_rev)
+    return replace(found, statements=statements + found.statements)
 
 
 def _check_levels(signal: Angle, low: float, high: float) -> None:
