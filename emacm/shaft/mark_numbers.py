@@ -14,6 +14,7 @@ from math import inf, log
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
@@ -171,7 +172,8 @@ def _repeated_turn(logs: Array, n_marks: int, n_known: int) -> tuple[int, Array]
 
     Those without a missing or double pulse resemble each other, wherever they begin.
     """
-    turns = sliding_window_view(logs[:20_000], -(-n_known // n_marks) * n_marks)
+    length = -(-n_known // n_marks) * n_marks
+    turns = sliding_window_view(logs[: 2 * length + 1_000_000 // length], length)
     turns = turns - turns.mean(axis=1, keepdims=True)
     calmest = np.argsort(np.abs(np.diff(turns, axis=1)).sum(axis=1))
     tried = calmest[np.unique(np.geomspace(1, len(turns), 40).astype(int)) - 1]
@@ -304,9 +306,8 @@ def _shape(times: Array, numbered: NumberedPulses, n_marks: int) -> Array:
     ratio = intervals / uniform_filter1d(intervals, n_marks, mode="nearest")
     is_there = np.isin(every, number)
     valid = is_there[1:] & is_there[:-1]
-    mark = every[:-1] % n_marks
-    found = [ratio[valid & (mark == m)] for m in range(n_marks)]
-    return np.log([np.median(values) if len(values) else 1.0 for values in found])
+    medians = pd.Series(ratio[valid]).groupby(every[:-1][valid] % n_marks).median()
+    return np.log(medians.reindex(range(n_marks), fill_value=1.0).to_numpy())
 
 
 def _uneven(shape: Array) -> Marks:

@@ -110,7 +110,7 @@ def _stated_pulses(
     _check_steps(height, len(fired))
     crossing = np.flatnonzero((height[:-1] < 0) & (height[1:] >= 0))
     last = crossing[np.searchsorted(crossing, fired) - 1]
-    width = min(above, len(signal) - above) / len(fired)
+    width = (min(above, len(signal) - above) - 1) / len(fired)  # the first one may be cut
     if width <= 1:
         text = "the pulses of the tachometer last one sample or less, so that some are missed: "
         text += "sample faster, or use wider marks"
