@@ -25,7 +25,7 @@ from emacm.recordings.names import (
     unit_ratio,
 )
 from emacm.shaft.angle import angle_from_wrapped, is_wrapped
-from emacm.shaft.tacho import tacho_angle
+from emacm.shaft.tacho import stated_angle
 
 _RATES = {"fs", "sfreq", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency"}
 _RATES |= {"abtastrate"}
@@ -499,7 +499,7 @@ def _shaft(
     if layout.tacho is not None:
         options = dict(layout.tacho) if isinstance(layout.tacho, Mapping) else {}
         options.pop("column", None)
-        found = tacho_angle(values, rate, **options)
+        found = stated_angle(values, rate, **options)
         content.statements = found.statements
         return {"angle": found.angle, "shaft_fs": rate}
     factor = unit_factor(_shaft_unit(content, layout, column, kind), kind)

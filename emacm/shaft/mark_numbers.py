@@ -158,7 +158,7 @@ def number_pulses(times: Array, n_marks: int) -> NumberedPulses:
     best = NumberedPulses(every, every, Marks(), inf)
     for marks, first in starts:
         found = _numbered(times, marks, first, n_known, noise, best.cost)
-        while found.cost < best.cost:
+        while found.cost < 0.99 * best.cost:
             best = found
             marks = _uneven(_shape(times, best, n_marks)) if n_marks > 1 else Marks()
             if marks == Marks():

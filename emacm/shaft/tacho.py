@@ -78,7 +78,11 @@ def pulse_times(
 
 
 def _stated_pulses(
-    tacho: ArrayLike, fs: float, threshold: float | None, hysteresis: float | None, edge: str
+    tacho: ArrayLike,
+    fs: float,
+    threshold: float | None = None,
+    hysteresis: float | None = None,
+    edge: str = "rising",
 ) -> tuple[Angle, tuple[Statement, ...]]:
     """Return the times of pulses, and what is to be known about the signal."""
     signal = check_signal(tacho, "tacho").astype(np.float64)
@@ -184,17 +188,19 @@ def angle_from_pulses(
 ) -> TachoAngle:
     """Interpolate the shaft angle between tacho pulses, after repair of missing and double pulses.
 
-    An interval shorter than 0.6 times the value expected from the three intervals on either side
-    contains a double pulse. Of the two pulses at its ends, the one is removed without which the
-    remaining speed is smoother. A long interval is compared with a speed that is a parabola over
-    three intervals on either side. It is filled if 1.5 or more intervals are expected in it, so a
-    start from rest is not treated as a fault. In simulations with single faults and steady,
-    ramping, starting, braking and rippling speed (20 %, ten pulses per cycle), every missing pulse
-    and 99 % of the double pulses were found more than three intervals from the ends. With 1 % of
-    jitter, the wrong one of two close pulses is removed in 2 % of cases. Within three intervals of
-    the ends this holds only at constant speed, and with at least six pulses. Otherwise a fault may
-    be missed or misidentified; a missed one shifts all later angles by ``2 pi / pulses_per_rev``. A
-    sudden stop looks like missing pulses: check `missing` and `double`.
+    Missing and double pulses change the speed abruptly. Of all ways to number the pulses, nearly
+    the one is taken with the least sum of changes of the logarithm of the speed, of 0.3 for each
+    gap and of 1 for each double pulse; a speed that goes on rising or falling as before is no
+    change, so a start from rest is not treated as a fault. A speed that changes by more than half
+    within an interval of pulses, as at a sudden stop, looks like a missing or double pulse, and one
+    that is misidentified shifts all later angles by ``2 pi / pulses_per_rev``.
+
+    The marks of a revolution may be uneven: a tape with a butt joint, a wheel with a gap whose real
+    or nominal number of marks is given. If `pulses_per_rev` is a whole number and there are two
+    revolutions at least, the spacing is learned from what repeats in each revolution, and used for
+    the angle. Deviations of less than 5 % are left to the speed, as are waves of up to one for ten
+    marks: they may be a speed that varies within each revolution. With fewer than ten marks, such a
+    speed cannot be told from uneven marks, and is taken for them above 5 %.
 
     Between pulses the angle is a cubic spline, its slopes limited to stay monotone [1]_. Measured
     errors at one pulse per revolution: 1e-11 rad at constant speed and at constant acceleration,
@@ -223,8 +229,14 @@ def angle_from_pulses(
     Raises
     ------
     ValueError, TypeError
-        If the times are not finite and increasing, fewer than two lie in the recording, or a gap
-        (at an end, too) exceeds ten intervals.
+        If the times are not finite and increasing, fewer than two lie in the recording, more than
+        one pulse in ten (and three) is missing or double, or a gap (at an end, too) exceeds ten
+        intervals.
+
+    Warns
+    -----
+    EmacmWarning
+        If more than three pulses in a hundred (and three in all) are missing or double.
 
     See Also
     --------
@@ -278,17 +290,18 @@ def _repair_statements(n_missing: int, n_double: int, n_pulses: int) -> tuple[St
     With up to 5 % of the pulses missing, the number of turns is right; with noise that makes one
     double pulse in six, it is not.
     """
-    share = (n_missing + n_double) / n_pulses
+    n_repairs = n_missing + n_double
     text = f"{n_missing} missing and {n_double} double pulses among {n_pulses} of the tachometer"
-    if share * n_pulses > max(3, 0.1 * n_pulses):
+    if n_repairs > max(3, 0.1 * n_pulses):
         raise ValueError(
             f"times must be pulses that follow the speed of a shaft, got {text}, so that the "
             f"number of turns is not known. Is there noise, are pulses shorter than a sample, is "
             f"pulses_per_rev right? Set threshold and hysteresis, or repair the sensor."
         )
-    if share * n_pulses <= max(3, 0.03 * n_pulses):
+    if n_repairs <= max(3, 0.03 * n_pulses):
         return ()
-    return (Statement("tachometer", "", f"{text} were repaired", False, share, 0.03),)
+    value = n_repairs / n_pulses
+    return (Statement("tachometer", "", f"{text} were repaired", value=value, limit=0.03),)
 
 
 def _warn(statements: tuple[Statement, ...]) -> None:
@@ -326,6 +339,11 @@ def angle_from_tacho(
     ValueError, TypeError
         As the two functions do.
 
+    Warns
+    -----
+    EmacmWarning
+        As the two functions do.
+
     See Also
     --------
     emacm.angle_from_pulses : From the times of pulses.
@@ -337,22 +355,16 @@ def angle_from_tacho(
     array([-0.375,  0.625,  1.625,  2.625,  3.625])
     """
     options: Any = {"threshold": threshold, "hysteresis": hysteresis, "edge": edge}
-    found = tacho_angle(tacho, fs, pulses_per_rev=pulses_per_rev, **options)
+    found = stated_angle(tacho, fs, pulses_per_rev=pulses_per_rev, **options)
     _warn(found.statements)
     return found
 
 
-def tacho_angle(
-    tacho: ArrayLike,
-    fs: float,
-    *,
-    pulses_per_rev: float = 1,
-    threshold: float | None = None,
-    hysteresis: float | None = None,
-    edge: str = "rising",
+def stated_angle(
+    tacho: ArrayLike, fs: float, *, pulses_per_rev: float = 1, **options: Any
 ) -> TachoAngle:
     """Compute the shaft angle as `angle_from_tacho` does, without warnings: for files."""
-    times, statements = _stated_pulses(tacho, fs, threshold, hysteresis, edge)
+    times, statements = _stated_pulses(tacho, fs, **options)
     with located("the pulses of tacho"):
         found = _repaired(times, fs, len(np.asarray(tacho)), pulses_per_rev)
     return replace(found, statements=statements + found.statements)

@@ -106,16 +106,6 @@ def test_an_angle_may_be_wrapped_and_in_any_unit(tmp_path, unit, period, wrapped
     np.testing.assert_allclose(recording.angle - recording.angle[0], ANGLE - ANGLE[0], atol=1e-9)
 
 
-def test_a_tachometer_gives_the_angle(tmp_path):
-    fs, pulses = 5000, 3
-    angle = 2 * np.pi * 11 * np.arange(4000) / fs
-    tacho = (np.sin(pulses * angle) > 0).astype(float)
-    layout = Layout(fs=fs, tacho={"column": "tacho", "pulses_per_rev": pulses})
-    recording = opened(tmp_path, layout, b=np.zeros(4000), tacho=tacho)
-    assert recording.reference == "angle"
-    np.testing.assert_allclose(recording.velocity[500:-500].mean(), 2 * np.pi * 11, rtol=1e-3)
-
-
 def test_a_shaft_of_its_own_rate(tmp_path):
     layout = Layout(fs={"b": 500, "speed": 100}, velocity="speed")
     recording = opened(tmp_path, layout, b=VIBRATION, speed=np.full(N // 5, 7.0))

@@ -96,26 +96,11 @@ def test_every_double_pulse_away_from_the_ends_is_found_and_taken_out(motion, sh
         assert worst(tacho, pulses, motion) < BOUND[motion]
 
 
-def test_a_gap_of_several_pulses_is_filled():
-    pulses = pulses_of("ramp")
-    tacho = angle_from_pulses(np.delete(pulses, [12, 13, 14]), FS, len(TIME))
-    np.testing.assert_allclose(tacho.missing, pulses[12:15], atol=0.01)
-    assert worst(tacho, pulses, "ramp") < 1e-10
-
-
 @pytest.mark.parametrize("lost", [1, 2, -3, -2])
 def test_a_pulse_lost_in_the_end_intervals_is_found_at_constant_speed(lost):
     pulses = pulses_of("constant")
     tacho = angle_from_pulses(np.delete(pulses, lost), FS, len(TIME))
     np.testing.assert_allclose(tacho.missing, pulses[[lost]], atol=1e-9)
-
-
-def test_missing_and_double_pulses_are_repaired_together():
-    pulses = pulses_of("ramp")
-    stray = 0.6 * pulses[8] + 0.4 * pulses[9]
-    tacho = angle_from_pulses(np.delete(np.insert(pulses, 9, stray), 16), FS, len(TIME))
-    assert worst(tacho, pulses, "ramp") < 1e-10
-    assert (len(tacho.missing), len(tacho.double)) == (1, 1)
 
 
 @pytest.mark.parametrize("start", [0.01, 0.3, 0.9])
@@ -178,13 +163,6 @@ def test_a_noisy_raw_tacho_gives_the_angle(motion):
     error = np.abs(tacho.angle + first - turned(motion))[between(pulses)].max()
     assert error < 6e-3
     assert len(tacho.missing) == len(tacho.double) == 0
-
-
-def test_a_tacho_sensor_with_a_blind_mark_is_reported():
-    wave = np.sin(turned("constant"))
-    wave[(TIME > 0.98) & (TIME < 1.06)] = -1
-    tacho = angle_from_tacho(wave, FS)
-    np.testing.assert_allclose(tacho.missing, [1.0], atol=1e-3)
 
 
 # The outermost intervals, where neighbours are on one side only
