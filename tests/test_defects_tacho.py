@@ -101,6 +101,12 @@ def test_noise_that_makes_many_double_pulses_is_refused():
         angle_from_tacho(raw([1], "constant", noise=0.3)[0], 20_000)
 
 
+def test_pulses_that_jitter_by_a_tenth_of_an_interval_are_stated():
+    jitter = np.random.default_rng(0).uniform(-0.1, 0.1, 400)
+    with pytest.warns(EmacmWarning, match="scatter"):
+        angle_from_pulses(np.arange(1, 401) + jitter, 10, 4000, pulses_per_rev=8)
+
+
 def test_pulses_shorter_than_a_sample_are_stated():
     signal, _ = raw([1] * 8, "constant", fs=1000, duty=0.112)
     with pytest.warns(EmacmWarning) as caught:

@@ -25,7 +25,7 @@ Numbers = NDArray[np.int64]
 # Cost of a gap and of a double pulse, beside changes of the logarithm of the speed. A missing pulse
 # that is not noticed halves the speed and doubles it again: twice 0.69; a double one changes it
 # by 2 and more. A speed that falls to half in the last interval is no double pulse.
-_GAP, _DOUBLE = 0.3, 1.0
+_GAP, _DOUBLE = 0.3, 0.85
 
 
 class Marks(NamedTuple):
@@ -146,10 +146,10 @@ def number_pulses(times: Array, n_marks: int) -> NumberedPulses:
         n_marks = 1
     change = logs[n_marks:] - logs[:-n_marks] if n_marks > 1 else logs
     bend = change[1:-1] - (change[2:] + change[:-2]) / 2
-    noise = 3 * float(np.median(np.abs(bend))) if len(bend) else 0.0
-    n_known = min(5, len(times) // 2 + 1)
-    bends = np.abs(np.diff(logs, prepend=logs[0]))
-    calm = int(np.argmin(sliding_window_view(bends, n_known - 1).sum(axis=-1)))
+    noise = min(3 * float(np.median(np.abs(bend))), 0.4) if len(bend) else 0.0
+    n_known = min(5, max(3, len(times) // 2))
+    bends = sliding_window_view(np.abs(np.diff(logs, prepend=logs[0])), n_known - 1)
+    calm = int(np.argmin(bends.sum(axis=-1)))
     starts = [(Marks(), calm)]
     if n_marks > 1:
         first, turn = _repeated_turn(logs, n_marks, n_known - 1)
@@ -168,18 +168,22 @@ def number_pulses(times: Array, n_marks: int) -> NumberedPulses:
 
 
 def _repeated_turn(logs: Array, n_marks: int, n_known: int) -> tuple[int, Array]:
-    """Return the intervals of the revolution that most others resemble, and where it begins.
+    """Return the intervals of the revolution that others resemble most, and where it begins.
 
-    Those without a missing or double pulse resemble each other, wherever they begin.
+    Those without a missing or double pulse resemble each other, if they begin at the same mark.
     """
     length = -(-n_known // n_marks) * n_marks
     turns = sliding_window_view(logs[: 2 * length + 1_000_000 // length], length)
     turns = turns - turns.mean(axis=1, keepdims=True)
     calmest = np.argsort(np.abs(np.diff(turns, axis=1)).sum(axis=1))
-    tried = calmest[np.unique(np.geomspace(1, len(turns), 40).astype(int)) - 1]
-    alike = [np.abs(turns - turns[first]).max(axis=1) < 0.15 for first in tried]
-    most = int(np.argmax([turn.sum() for turn in alike]))
-    return int(tried[most]), np.median(turns[alike[most]], axis=0)[:n_marks]
+    n_alike = 2 + len(turns) // (20 * n_marks)  # itself, and a few of those from the same mark
+    best: tuple[float, int, Array] = inf, 0, turns[0]
+    for first in calmest[np.unique(np.geomspace(1, len(turns), 40).astype(int)) - 1]:
+        distance = ((turns - turns[first]) ** 2).sum(axis=1)
+        nearest = np.argpartition(distance, n_alike - 1)[:n_alike]
+        if distance[nearest].sum() < best[0]:
+            best = float(distance[nearest].sum()), int(first), np.median(turns[nearest], axis=0)
+    return best[1], best[2][:n_marks]
 
 
 def _numbered(
@@ -254,7 +258,7 @@ def _continued(
     """Yield the ways to go on with a pulse: it is double, or that of one of the next marks."""
     since, place = trace.recent[-1]
     due = _expected_speed(trace.recent, time, noise) * (time - since)
-    following = trace.number + 1
+    following, gap = trace.number + 1, _GAP + noise / 2
     lowest, highest = marks.near(place + 0.65 * due), marks.near(place + 1.5 * due)
     numbers = {following}
     if highest > following:
@@ -265,7 +269,7 @@ def _continued(
         change = abs(log((reached - place) / due))
         is_next = number == following
         yield _Trace(
-            trace.cost + change + (0 if is_next else _GAP + 0.03 * (number - following)),
+            trace.cost + change + (0 if is_next else gap + 0.03 * (number - following)),
             number,
             trace.n_plain + 1 if is_next and change < 0.2 else 0,
             (*trace.recent[-4:], (time, reached)),
@@ -282,7 +286,7 @@ def _expected_speed(recent: tuple[tuple[float, float], ...], time: float, noise:
     slope = (speed - before) / (last - third)
     ahead = min(max(speed + slope * (time - second), speed / 1.5), 1.5 * speed)
     change = (speed - before) / speed
-    weight = change**2 / (change**2 + noise**2) if change else 0.0
+    weight = change**2 / (change**2 + 4 * noise**2) if change else 0.0
     return held + weight * (ahead - held)
 
 

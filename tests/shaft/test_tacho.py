@@ -118,6 +118,7 @@ def test_jitter_of_three_percent_makes_no_faults(seed):
     assert len(tacho.missing) == len(tacho.double) == 0
 
 
+@pytest.mark.filterwarnings("ignore")  # of a speed that is no speed
 @given(st.lists(st.floats(0.01, 10), min_size=1, max_size=20), st.floats(1, 60))
 def test_the_angle_never_falls(intervals, pulses_per_rev):
     pulses = np.concatenate(([0], np.cumsum(intervals)))
