@@ -24,7 +24,7 @@ Numbers = NDArray[np.int64]
 
 # Cost of a gap and of a double pulse, beside changes of the logarithm of the speed. A missing pulse
 # that is not noticed halves the speed and doubles it again: twice 0.69; a double one changes it
-# by 2 and more. A speed that falls to half in the last interval is no double pulse.
+# by 2 and more. An outermost interval of half the length (0.69) is not taken for a double pulse.
 _GAP, _DOUBLE = 0.3, 0.85
 
 

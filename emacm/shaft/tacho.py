@@ -289,8 +289,9 @@ def _repaired(times: ArrayLike, fs: float, n_times: int, pulses_per_rev: float) 
 def _repair_statements(n_missing: int, n_double: int, n_pulses: int) -> tuple[Statement, ...]:
     """State more repairs than a few in a hundred pulses; refuse more than one in ten.
 
-    With up to 5 % of the pulses missing, the number of turns is right; with noise that makes one
-    double pulse in six, it is not.
+    Of 75 simulations with 5 % of the pulses missing, in five motions with even and uneven marks, 73
+    had the right number of turns, one was refused, and one was off by a mark beside a standstill.
+    With noise that makes one double pulse in six, the number is not known.
     """
     n_repairs = n_missing + n_double
     text = f"{n_missing} missing and {n_double} double pulses among {n_pulses} of the tachometer"
