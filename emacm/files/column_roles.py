@@ -25,7 +25,7 @@ from emacm.recordings.names import (
     unit_word,
 )
 from emacm.shaft.angle import angle_from_wrapped, is_wrapped
-from emacm.shaft.tacho import angle_from_tacho
+from emacm.shaft.tacho import stated_angle
 
 
 def recording_arguments(
@@ -460,8 +460,9 @@ def _shaft(
     if layout.tacho is not None:
         options = dict(layout.tacho) if isinstance(layout.tacho, Mapping) else {}
         options.pop("column", None)
-        pulses = even.resampled(values)
-        return {"angle": angle_from_tacho(pulses, rate, **options).angle, "shaft_fs": rate}
+        found = stated_angle(even.resampled(values), rate, **options)
+        content.statements = found.statements
+        return {"angle": found.angle, "shaft_fs": rate}
     factor = unit_factor(_shaft_unit(content, layout, column, kind), kind)
     values = values if factor == 1 else values * factor
     if even.uneven is not None and kind == "angle" and is_wrapped(values):

@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 from numpy.typing import NDArray
 
+from emacm._statements import Statement
 from emacm.files.even_times import Times
 from emacm.files.layout import constant_speed
 from emacm.recordings.names import (
@@ -53,6 +54,8 @@ class FileColumns:
         Why columns cannot be used, as "has ...".
     is_relative : bool
         Whether values are parts of a full scale that is not stated.
+    statements : tuple of Statement
+        What is known about the shaft, once a recording was made: repairs of a tachometer.
     """
 
     columns: dict[str, NDArray[Any]] = field(default_factory=dict)
@@ -65,6 +68,7 @@ class FileColumns:
     times: dict[str, Times] = field(default_factory=dict)
     defects: dict[str, str] = field(default_factory=dict)
     is_relative: bool = False
+    statements: tuple[Statement, ...] = ()
 
     def put(self, name: str, values: NDArray[Any]) -> None:
         """Add a column; one of the same name would be lost, and is refused."""

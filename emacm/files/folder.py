@@ -174,6 +174,7 @@ class FileRecording(Recording):
             with located(printable(self.path)):
                 changed = content._derived(change, *arguments)
             changed.once("start", partial(content.once, "start", lambda: None))
+            changed.once("shaft", partial(content.once, "shaft", tuple))
             return changed
         self._check_files()
         with located(printable(self.path)):
@@ -188,6 +189,7 @@ class FileRecording(Recording):
                     values.flags.writeable = False  # nobody else has it: it is not copied
             recording = Recording(**found, meta=self._meta)
             recording.once("start", lambda: start_of(columns, self.layout))
+            recording.once("shaft", lambda: (second or columns).statements)
         self._check_files()  # they may have been written while they were read
         return recording
 

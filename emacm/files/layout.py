@@ -54,7 +54,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 _SECOND = ("file", "column", "fs", "time")  # of the shaft in a second file
 _NAMES = {"file", "column"}
-_TACHO = ("column", "pulses_per_rev", "threshold", "hysteresis", "edge", "repair")
+_TACHO = ("column", "pulses_per_rev", "threshold", "hysteresis", "edge")  # of angle_from_tacho
 _FIELDS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "": (r"[^/]+", str),
     "d": (r"[+-]?\d+", int),

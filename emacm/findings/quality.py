@@ -142,6 +142,7 @@ def _motion_defects(
     over_angle: Any, row: dict[str, float], slowest: str, n_short: int
 ) -> Iterator[Statement]:
     recording, theta_s = over_angle.measured, over_angle.theta_s
+    yield from recording.once("shaft", tuple)  # what its file states: repairs of a tachometer
     if not row["strokes"]:
         yield Statement("standstill", "", "the shaft never turns")
     if over_angle.flat_order > row["max_order"]:
