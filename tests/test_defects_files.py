@@ -259,7 +259,7 @@ def test_times_since_1970_state_the_start(tmp_path):
     for size, unit in ((1.0, "s"), (1e-3, "ms")):
         write_csv(tmp_path / "a.csv", 1_709_632_800 / size + np.arange(N) * 0.01 / size, TONE)
         if unit != "s":
-            refused(tmp_path / "a.csv", "cannot be in s. State its unit, as .*'ms'")
+            refused(tmp_path / "a.csv", "Are these milliseconds. State .*'ms'")
         recording = open_recording(tmp_path / "a.csv", Layout(velocity=1, units={"time": unit}))
         assert recording.cut(0).start == pd.Timestamp("2024-03-05T10:00:00")
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy  # scipy.interpolate is imported when it is used
 from numpy.typing import NDArray
 
 from emacm._checks import check_signal, located
@@ -15,10 +16,11 @@ from emacm._statements import warn
 from emacm.files.even_times import EvenTimes, even_times
 from emacm.files.file_columns import FileColumns, is_rate_name, without_signal
 from emacm.files.layout import Layout, constant_speed
-from emacm.files.sample_times import dates_of, seconds_of, time_unit, unit_that_fits
+from emacm.files.sample_times import dates_of, seconds_of, unit_that_fits
 from emacm.recordings.names import (
     is_time_name,
     split_unit,
+    time_unit_in_name,
     unit_factor,
     unit_in_name,
     unit_ratio,
@@ -70,26 +72,23 @@ def recording_arguments(
         for name, column in channels.items()
     }
     units: dict[str, str] = {}
-    unscaled: dict[str, str] = {}
     for name, column in channels.items():
         scale = layout.scale
         if isinstance(scale, Mapping):
             scale = scale.get(name, scale.get(column))
-        unit, known = layout.unit_of(name, column), content.units.get(column, "")
+        unit = layout.unit_of(name, column)
         if scale is None:
-            units[name] = unscaled[name] = _agreed_unit(name, unit, known)
+            unit = _agreed_unit(name, unit, content.units.get(column, ""))
+            if unit and content.is_relative:
+                text = f"channel {name!r}: full scale of this WAV file is taken as 1 {unit}, as the"
+                warn("scale", f"{text} file states no other. State scale in the layout.")
         else:
-            units[name], signals[name] = unit, signals[name] * float(scale)
+            signals[name] = signals[name] * float(scale)
+        if unit:
+            units[name] = unit
         if column in rates:
             signals[name] = rates[column].resampled(signals[name], name)
-    if content.is_relative and any(unscaled.values()):
-        text = f"full scale of this WAV file is taken as 1 in the units {unscaled}"
-        warn("scale", f"{text}, as the file states no other. State scale in the layout.")
-    arguments: dict[str, Any] = {
-        "signals": signals,
-        "fs": fs,
-        "units": {name: unit for name, unit in units.items() if unit},
-    }
+    arguments: dict[str, Any] = {"signals": signals, "fs": fs, "units": units}
     highest = max(fs.values())
     if of_second is None or second is None:
         arguments |= _shaft(content, layout, shaft, rates, highest, n_times)
@@ -107,20 +106,24 @@ def recording_arguments(
     return arguments
 
 
+def _stated_unit(content: FileColumns, layout: Layout, times: str) -> str:
+    """Return the unit of a column of times that the layout, the file or its name states, or ""."""
+    return layout.unit_of(times) or content.units.get(times, "") or time_unit_in_name(times)
+
+
 def _check_unit_of_times(
     content: FileColumns, layout: Layout, times: str, speed: float = 0.0
 ) -> None:
     """Refuse times without a stated unit if their rate is not credible in s."""
     values = content.columns[times]
-    unit = unit_that_fits(
-        values, times, layout.unit_of(times) or content.units.get(times, ""), speed
-    )
+    unit = "" if _stated_unit(content, layout, times) else unit_that_fits(values, speed)
     if unit:
         rate = (len(values) - 1) / float(values[-1] - values[0])
         raise ValueError(
             f"time column {times!r} gives a rate of {rate:.6g} Hz if it is in s, which is not "
             f"credible; in {unit} it is {rate / unit_factor(unit, 'time'):.6g} Hz. Are these "
-            f"{unit_word(unit)}? State the unit in the layout: units = {{{times} = {unit!r}}}."
+            f"{unit_word(unit)}? State the unit in the layout, also if it is s: units = "
+            f"{{{times} = {unit!r}}}."
         )
 
 
@@ -152,9 +155,8 @@ def _aligned(motion: dict[str, Any], delay: float, duration: float) -> dict[str,
             f"its times, {delay:.6g} to {delay + len(values) / rate:.6g} s after the start of the "
             f"recording, do not cover its {duration:.6g} s. Cut it, or correct the times."
         )
-    before = np.clip(np.floor(place).astype(int), 0, len(values) - 2)
-    step = values[before + 1] - values[before]
-    return {kind: values[before] + (place - before) * step, "shaft_fs": rate}
+    line = scipy.interpolate.make_interp_spline(np.arange(len(values)), values, k=1)
+    return {kind: line(place), "shaft_fs": rate}
 
 
 def time_of_sample(content: FileColumns, layout: Layout, number: int) -> float | None:
@@ -168,8 +170,7 @@ def time_of_sample(content: FileColumns, layout: Layout, number: int) -> float |
     value = content.columns[name][number : number + 1]
     if value.dtype.kind not in "iuf":
         return dates_of(value, name).iloc[0].timestamp()
-    unit = time_unit(name, layout.unit_of(name) or content.units.get(name, ""))
-    return float(value[0]) * unit_factor(unit, "time")
+    return float(value[0]) * unit_factor(_stated_unit(content, layout, name) or "s", "time")
 
 
 def _delay(first: tuple[FileColumns, Layout], second: tuple[FileColumns, Layout]) -> float:
@@ -331,14 +332,11 @@ def _shared_times(content: FileColumns, layout: Layout, times: str, fs: float | 
     """Return the rate of the column of times."""
     if times in content.defects:
         raise ValueError(f"time column {times!r} {content.defects[times]}.")
-    unit = layout.unit_of(times) or content.units.get(times, "")
-    values = content.columns[times]
-    is_number = values.dtype.kind in "iuf"
-    size = unit_factor(time_unit(times, unit), "time") if is_number else 1.0
-    seconds = seconds_of(values, unit, times)
+    unit = _stated_unit(content, layout, times) or "s"
+    seconds, resolution = seconds_of(content.columns[times], unit, times)
     if fs is None:
         _check_unit_of_times(content, layout, times)
-    return even_times(seconds, times, fs, size=size, resample=layout.resample)
+    return even_times(seconds, times, fs, resolution=resolution, resample=layout.resample)
 
 
 def _stated_rates(content: FileColumns) -> tuple[dict[str, float], dict[str, float]]:

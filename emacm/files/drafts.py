@@ -20,7 +20,14 @@ from emacm.files.file_columns import FileColumns, without_signal
 from emacm.files.layout import Layout, meta_from_name
 from emacm.files.readers import read_columns
 from emacm.files.sample_times import unit_that_fits
-from emacm.recordings.names import is_time_name, printable, unit_factor, unit_in_name, unit_word
+from emacm.recordings.names import (
+    is_time_name,
+    printable,
+    time_unit_in_name,
+    unit_factor,
+    unit_in_name,
+    unit_word,
+)
 
 
 @dataclass
@@ -39,6 +46,8 @@ class FileContents:
         Columns that are neither times, shaft nor channels, and why.
     remarks : list of str
         What must be stated in a layout, besides the shaft.
+    time_unit : str
+        Unit of the times, if it was found by their rate.
     n_pulses : int
         Number of whole pulses in the shaft column, if it was found by these.
     """
@@ -49,6 +58,7 @@ class FileContents:
     shaft: str | None
     unused: dict[str, str]
     remarks: list[str]
+    time_unit: str = ""
     n_pulses: int = 0
 
     @property
@@ -128,10 +138,12 @@ def contents_of(path: Path) -> FileContents:
         raise ValueError(without_signal(columns))
     times = next(filter(is_time_name, columns.columns), None)
     remarks: list[str] = []
-    stated = columns.units.get(times or "", "")
-    if times and (unit := unit_that_fits(columns.columns[times], times, stated)):
-        remarks.append(f"the unit of {times!r}: these look like {unit_word(unit)}, not s")
-        columns.units[times] = unit
+    time_unit = ""
+    if times and not (columns.units.get(times) or time_unit_in_name(times)):
+        time_unit = unit_that_fits(columns.columns[times])
+    if times and time_unit:
+        remarks.append(f"the unit of {times!r}: these look like {unit_word(time_unit)}, not s")
+        columns.units[times] = time_unit
     rates: dict[str, EvenTimes] = {}
     for judged in (columns.columns.keys() - columns.times, *({name} for name in columns.times)):
         try:
@@ -144,7 +156,8 @@ def contents_of(path: Path) -> FileContents:
             rates |= rates_of_columns(columns, Layout(), None, judged)
     shafts = columns.like_shaft()
     by_name = {name: even.rate for name, even in rates.items()}
-    contents = FileContents(columns, by_name, times, next(iter(shafts), None), {}, remarks)
+    shaft = next(iter(shafts), None)
+    contents = FileContents(columns, by_name, times, shaft, {}, remarks, time_unit)
     if contents.shaft is None:
         pulses = {name: count_pulses(v) for name, v in contents.numbers.items() if name != times}
         contents.shaft = next(filter(pulses.get, pulses), None)
@@ -315,9 +328,10 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
 
 def _units(contents: FileContents) -> Iterator[str]:
     """Yield the lines of a draft with the units of shaft and channels."""
-    stated, shaft, times = contents.columns.units, contents.shaft, contents.times
-    if times and (unit := unit_that_fits(contents.columns.columns[times], times, "")):
-        yield f"# {_as_toml(times)} = {_as_toml(unit)}  # FILL IN: its unit; it is not s"
+    stated, shaft = contents.columns.units, contents.shaft
+    if contents.times and contents.time_unit:
+        line = f"# {_as_toml(contents.times)} = {_as_toml(contents.time_unit)}"
+        yield f"{line}  # FILL IN: its unit; it looks like this, not s"
     if shaft is not None and contents.shaft_unit:
         source = "" if stated.get(shaft) == contents.shaft_unit else "  # from its name"
         yield f"{_as_toml(shaft)} = {_as_toml(contents.shaft_unit)}{source}"

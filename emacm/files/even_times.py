@@ -63,7 +63,7 @@ def even_times(
     name: str,
     fs: float | None = None,
     *,
-    size: float = 1.0,
+    resolution: float = 0.0,
     resample: bool = False,
     most_jitter: float = 0.1,
 ) -> EvenTimes:
@@ -77,8 +77,8 @@ def even_times(
         Name of the column, for messages.
     fs : float, optional
         Rate [Hz] that they must have.
-    size : float
-        Size of the unit in which the file has them, as decimals that may be rounded [s].
+    resolution : float
+        To what the times are rounded by the type of their numbers [s]. Decimals are found.
     resample : bool
         Whether samples may be resampled, so that jitter and single missing samples are allowed.
     most_jitter : float
@@ -110,52 +110,70 @@ def even_times(
     12000.0
     """
     steps = np.diff(seconds)
-    tick = _tick(seconds / size, steps / size) * size if steps.any() else 1e-3
-    is_rising = len(steps) > 0 and steps.min() >= 0
-    if fs and is_rising:
-        allowed = (0.1 if len(steps) > 100 else 0.5) / fs + tick  # few: jitter hides the rate
-        if np.abs(seconds - np.arange(len(seconds)) / fs).max() <= allowed:
-            return EvenTimes(fs)
-    if not is_rising or not steps.any():
+    if not steps.any() or steps.min() < 0:
         place = int(np.argmax(steps < 0)) + 1 if len(steps) else 0
         raise ValueError(
             f"time column {name!r} does not increase at sample {place}, {seconds[place]:.6g} s. "
             f"Choose the column of times, sort or cut the recording, or {ignore_hint(name)}."
         )
-    grid = _fitted(seconds, steps, tick, fs)
-    long, equal = steps > 1.75 * grid.usual, steps <= 1e-6 * grid.usual
-    long[:-1] &= steps[1:] > 0.5 * grid.usual  # a single late sample is jitter,
-    long &= np.std(steps[~long]) < 0.2 * grid.usual  # and so are all if the others vary, too
-    is_rounded = grid.spread <= 1.05 * tick and np.ptp(steps) < 1.5 * tick
-    if is_rounded and tick > max(0.01 * seconds[-1], 1.5 / grid.rate):
+    tick = resolution
+    if np.ptp(steps) > 1e-6 * steps.max():  # equal steps are not rounded
+        tick = max(tick, _coarsest_decimal(seconds[1:][steps > 0], steps[steps > 0].min()))
+    n = np.arange(len(seconds))
+    few = len(steps) <= 100  # then jitter hides the rate
+    if fs and np.abs(seconds - n / fs).max() <= (0.5 if few else 0.1) / fs + tick:
+        return EvenTimes(fs)
+    rate, usual = _fitted_rate(seconds, steps, tick, fs)
+    deviations = seconds - n / rate
+    spread, jitter = float(np.ptp(deviations)), float(np.std(deviations) * rate)
+    long, equal = steps > 1.75 * usual, steps <= 1e-6 * usual
+    long[:-1] &= steps[1:] > 0.5 * usual  # a single late sample is jitter,
+    long &= np.std(steps[~long]) < 0.2 * usual  # and so are all if the others vary, too
+    is_rounded = spread <= 1.05 * tick and np.ptp(steps) < 1.5 * tick
+    if is_rounded and tick > max(0.01 * seconds[-1], 1.5 / rate):
         raise ValueError(
             f"time column {name!r} is rounded to {tick:g} s, which leaves the sampling rate "
-            f"open: about {grid.rate:.3g} Hz. State fs, and time = false (in Python: False)."
+            f"open: about {rate:.3g} Hz. State fs, and time = false (in Python: False)."
         )
     # Rounding, too, makes some steps longer, or zero. It is told from missing samples and packets
     # by many such steps, at distances that differ; times in ms often have equally many samples.
     is_rounded &= not long.any() or not _are_few(long, long)
     is_rounded &= not equal.any() or not _are_few(equal, ~equal if tick > 1.5e-3 else equal[:0])
-    is_filled = resample and not equal.any() and steps.max() < 3.5 * grid.usual
-    if not is_rounded and is_filled and (long.any() or grid.jitter > 0.005):
-        rate = float(f"{np.rint(steps / grid.usual).sum() / seconds[-1]:.4g}")
-        if not fs or abs(fs / rate - 1) < 0.05:  # lower rates would need a filter
-            return EvenTimes(fs or rate, seconds)
-    is_even = is_rounded or not (long.any() or equal.any() or grid.jitter > most_jitter)
-    if not is_even or not grid.agrees:
+    is_filled = resample and not equal.any() and steps.max() < 3.5 * usual
+    if not is_rounded and is_filled and (long.any() or jitter > 0.005):
+        filled = float(f"{np.rint(steps / usual).sum() / seconds[-1]:.4g}")
+        if not fs or abs(fs / filled - 1) < 0.05:  # lower rates would need a filter
+            return EvenTimes(fs or filled, seconds)
+    is_even = is_rounded or not (long.any() or equal.any() or jitter > most_jitter)
+    if not is_even or fs not in (None, rate):
+        marked = equal if equal.any() else long if long.any() else np.abs(steps - usual)
+        place = int(np.argmax(marked))
+        step = f"{steps[place]:.6g} s after sample {place} ({seconds[place]:.6g} s)"
+        if equal.any():
+            found = f": several samples share one time, as in packets: {equal.sum()} steps are 0, "
+            found += f"first that of {step}. If they were sampled evenly, their rate is "
+            found += f"{rate:.6g} Hz. Give each sample its time"
+        elif long.any():
+            found = f", with a gap of {step}; usual are {usual:.6g} s. "
+            found += _missing(steps, long, usual, rate)
+        elif fs not in (None, rate):
+            found = f" at {fs:.9g} Hz: its mean rate is {rate:.9g} Hz. Correct fs"
+        else:
+            found = f" at {rate:.9g} Hz: by jitter or drift, its times are {jitter:.0%} of a step "
+            found += f"(rms) from even ones, with a step of {step}; usual are {usual:.6g} s. Set "
+            found += "resample = true in the layout"
         raise ValueError(
-            f"time column {name!r} is not evenly spaced{_found(seconds, long, equal, grid, fs)}; "
-            f"or {ignore_hint(name)}."
+            f"time column {name!r} is not evenly spaced{found}; or {ignore_hint(name)}."
         )
-    open_part = tick / seconds[-1]
-    if fs is None and is_rounded and grid.spread > 0.1 * tick and open_part > 1e-5:
-        text = f"are rounded to {tick:.6g} s: the rate is {grid.rate:.9g} Hz within {open_part:.1g}"
-        warn("times", f"times {name!r} {text} of it. State fs if it is known better.")
-    elif fs is None and not is_rounded and grid.jitter > 0.005:
-        text = f"jitter by {grid.jitter:.1%} of a sampling interval (rms), and are taken as even at"
-        text += f" {grid.rate:.9g} Hz: an error of {np.pi * grid.jitter:.0%} near half this rate. "
+    if fs is None and is_rounded and spread > 0.1 * tick and tick > 1e-5 * seconds[-1]:
+        text = f"are rounded to {tick:.6g} s: the rate is {rate:.9g} Hz within "
+        text += f"{tick / seconds[-1]:.1g} of it. State fs if it is known better."
+        warn("times", f"times {name!r} {text}")
+    elif fs is None and not is_rounded and jitter > 0.005:
+        text = f"jitter by {jitter:.1%} of a sampling interval (rms), and are taken as even at"
+        text += f" {rate:.9g} Hz: an error of {np.pi * jitter:.0%} near half this rate. "
         warn("times", f"times {name!r} {text}Set resample = true if they are those of the samples.")
-    return EvenTimes(grid.rate)
+    return EvenTimes(rate)
 
 
 def _are_few(odd: NDArray[np.bool_], regular: NDArray[np.bool_]) -> bool:
@@ -164,86 +182,46 @@ def _are_few(odd: NDArray[np.bool_], regular: NDArray[np.bool_]) -> bool:
     return bool(odd.sum() < 8 or (len(distances) > 0 and np.ptp(distances) == 0))
 
 
-class _Grid(NamedTuple):
-    """The even times that are nearest to those of a file.
-
-    Their rate [Hz], and whether it is round, or the known one; the usual step [s]; range [s] and
-    root mean square (in sampling intervals) of the deviations from them.
-    """
-
-    rate: float
-    agrees: bool
-    usual: float
-    spread: float
-    jitter: float
-
-
-def _fitted(seconds: Times, steps: Times, tick: float, fs: float | None) -> _Grid:
-    """Return the even times at `fs`, or the roundest rate that agrees, else at the mean rate."""
+def _fitted_rate(
+    seconds: Times, steps: Times, tick: float, fs: float | None
+) -> tuple[float, float]:
+    """Return `fs` or the roundest rate that agrees, else the mean rate; and the usual step."""
     n = np.arange(len(seconds)) - (len(seconds) - 1) / 2
     slope = float(n @ seconds / (n @ n))
     usual = float(np.quantile(steps[steps > 1e-6 * slope], 0.49, method="lower"))
-
-    def spread(rate: float) -> float:
-        return float(np.ptp(seconds - n / rate))
-
-    limit = max(tick, 1.05 * spread(1 / slope)) + (0.1 if fs else 1e-6) * usual
-    rates = [fs] if fs else [*(float(f"{1 / slope:.{k}g}") for k in range(2, 7)), 1 / slope]
-    rate = next((rate for rate in rates if spread(rate) <= limit), 1 / slope)
-    deviations = seconds - n / rate
-    return _Grid(rate, rate in rates, usual, spread(rate), float(np.std(deviations) * rate))
+    limit = max(tick, 1.05 * np.ptp(seconds - n * slope)) + (0.1 if fs else 1e-6) * usual
+    rates = [fs] if fs else [float(f"{1 / slope:.{digits}g}") for digits in range(2, 7)]
+    fitting = (rate for rate in rates if np.ptp(seconds - n / rate) <= limit)
+    return next(fitting, 1 / slope), usual
 
 
-def _tick(times: Times, steps: Times) -> float:
-    """Return the coarsest decimal of which all times are multiples; 0 if there is none."""
-    changed = times[1:][steps > 0]
-    changed = np.concatenate([changed[:500], changed[:: len(changed) // 500 + 1]])
-    smallest = steps.min(where=steps > 0, initial=np.inf)
-    for multiples, decimal in ((changed * 10.0**n, 10.0**-n) for n in range(10)):
-        is_whole = np.allclose(multiples, np.rint(multiples), rtol=0, atol=1e-3)
-        if is_whole and 0.9 * decimal < smallest < np.inf:
-            return decimal
+def _coarsest_decimal(times: Times, smallest: float) -> float:
+    """Return the coarsest decimal of which times are multiples, in s to days; 0 if there is none.
+
+    The last times decide: those of six digits are finer at the start.
+    """
+    last = times[-max(500, len(times) // 10) :]
+    last = last[:: len(last) // 1000 + 1]
+    units = [unit * 10.0**-n for n in range(10) for unit in (86_400, 3600, 60, 1)]
+    for unit in sorted(units, reverse=True):
+        multiples = last / unit
+        if 0.9 * unit < smallest and np.abs(multiples - np.rint(multiples)).max() < 1e-3:
+            return unit
     return 0.0
 
 
-def _found(
-    seconds: Times,
-    long: NDArray[np.bool_],
-    equal: NDArray[np.bool_],
-    grid: _Grid,
-    fs: float | None,
-) -> str:
-    """Say what is wrong with times, where, and the remedy."""
-    steps = np.diff(seconds)
-    places = np.flatnonzero(equal if equal.any() else long)
-    place = int(places[0]) if len(places) else int(np.argmax(np.abs(steps - grid.usual)))
-    step = f"{steps[place]:.6g} s after sample {place} ({seconds[place]:.6g} s)"
-    if equal.any():
-        return (
-            f": several samples share one time, as in packets: {len(places)} steps are 0, first "
-            f"that of {step}. If they were sampled evenly, their rate is {grid.rate:.6g} Hz. Give "
-            f"each sample its time"
-        )
-    if len(places):
-        missing = int(np.rint(steps[long] / grid.usual - 1).sum())
-        distances = np.diff(places)
-        is_regular = len(places) > 2 and np.ptp(distances) == 0
-        every = f" (one of {distances[0] + 1})" if is_regular else ""
-        remedy = "Cut the recording there, or correct the clock"
-        if steps.max() < 3.5 * grid.usual:
-            remedy += ", set resample = true to fill one or two samples"
-            remedy += f", state fs = {grid.rate:.6g} if only rounding makes steps longer"
-        return (
-            f", with a gap of {step}; usual are {grid.usual:.6g} s. At {1 / grid.usual:.6g} Hz, "
-            f"{missing} of {len(seconds) + missing} samples are missing{every}. {remedy}"
-        )
-    if fs and not grid.agrees:
-        return f" at {fs:.9g} Hz: its mean rate is {grid.rate:.9g} Hz. Correct fs"
-    return (
-        f" at {grid.rate:.9g} Hz: by jitter or drift, its times are {grid.jitter:.0%} of a step "
-        f"(rms) from even ones, with a step of {step}; usual are {grid.usual:.6g} s. Set "
-        f"resample = true in the layout"
-    )
+def _missing(steps: Times, long: NDArray[np.bool_], usual: float, rate: float) -> str:
+    """Say how many samples are missing, and the remedy."""
+    missing = int(np.rint(steps[long] / usual - 1).sum())
+    distances = np.diff(np.flatnonzero(long))
+    is_regular = len(distances) > 1 and np.ptp(distances) == 0
+    every = f" (one of {distances[0] + 1})" if is_regular else ""
+    text = f"At {1 / usual:.6g} Hz, {missing} of {len(steps) + 1 + missing} samples are missing"
+    text += f"{every}. Cut the recording there, or correct the clock"
+    if steps.max() < 3.5 * usual:
+        text += ", set resample = true to fill one or two samples"
+        text += f", state fs = {rate:.6g} if only rounding makes steps longer"
+    return text
 
 
 def ignore_hint(name: str) -> str:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import importlib
 import json
 import math
-import os
 import re
 from collections.abc import Mapping, Sequence
 from io import BytesIO
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Literal
 
 import numpy as np
 import pandas as pd
@@ -281,8 +281,7 @@ def read_tdms(path: Path, content: FileColumns) -> None:
     """Add the channels of a TDMS file; as "group/channel" if a name occurs twice."""
     nptdms = optional_library("nptdms", "TDMS")
     with open(path, "rb") as file:  # which nptdms would leave open if it is damaged
-        _check_complete(path, _end_of_segments(file, path))
-        differing = _differing_segments(file)
+        differing = _differing_segments(nptdms, _segments(file, path))
         table = nptdms.TdmsFile.open(file)
         channels = [channel for group in table.groups() for channel in group.channels()]
         names = [channel.name for channel in channels]
@@ -306,60 +305,58 @@ def read_tdms(path: Path, content: FileColumns) -> None:
             content.starts[name] = later.total_seconds() + properties.get("wf_start_offset", 0.0)
 
 
-def _differing_segments(file: BinaryIO) -> dict[str, str]:
-    """Return the TDMS channels whose segments do not follow each other at one rate, and why."""
-    reader = importlib.import_module("nptdms.reader")
-    states: dict[str, list[tuple[int, dict[str, Any]]]] = {}
-
-    class Reader(reader.TdmsReader):  # type: ignore[name-defined]
-        """Reads the properties of each segment; nptdms keeps the last ones only."""
-
-        def _update_object_metadata(self, segment: Any) -> None:
-            self.before = {path: one.num_values for path, one in self.object_metadata.items()}
-            super()._update_object_metadata(segment)
-
-        def _update_object_properties(self, found: Any) -> None:
-            for path, properties in (found or {}).items():
-                states.setdefault(path, []).append((self.before.get(path, 0), dict(properties)))
-            super()._update_object_properties(found)
-
-    Reader(file).read_metadata()
-    file.seek(0)
-    differing = {}
-    for path, found in states.items():
-        steps = {float(one["wf_increment"]): None for _, one in found if "wf_increment" in one}
-        starts = [(n, one["wf_start_time"]) for n, one in found if "wf_start_time" in one]
-        if len(steps) > 1:
-            rates = " and ".join(f"{1 / step:.6g}" for step in steps if step)
-            differing[path] = f"has segments with rates of {rates} Hz. Save each as a file"
-        for n, start in starts if steps else ():
-            apart = start.as_datetime64() - starts[0][1].as_datetime64()
-            late = apart / np.timedelta64(1, "s") - (n - starts[0][0]) * min(steps)
-            if apart and abs(late) > 1e-3 + 1.5 * min(steps):
-                differing[path] = (
-                    f"has a segment that starts {late:.6g} s after the end of the one before, at "
-                    f"sample {n}. Save each as a file"
-                )
-    return differing
-
-
-def _end_of_segments(file: BinaryIO, path: Path) -> int:
-    """Return the size that a TDMS file should have; leave the file at its start."""
-    size, end = file.seek(0, os.SEEK_END), 0
+def _segments(file: BinaryIO, path: Path) -> list[bytes]:
+    """Return the segments of a TDMS file without their samples, as they are in an index file."""
+    size, end = path.stat().st_size, 0
+    segments = []
     while end < size:
         file.seek(end)
         start = file.read(28)
         if not b"TDSm".startswith(start[:4]):  # a damaged file
             break
         start = start.ljust(28)
-        length = int.from_bytes(start[12:20], "big" if start[4] & 64 else "little")
+        order: Literal["big", "little"] = "big" if start[4] & 64 else "little"
+        length, n_before_samples = (int.from_bytes(start[at : at + 8], order) for at in (12, 20))
         if length == 2**64 - 1:  # of a segment that was being written
             text = "its last segment was not finished; the samples that are in it are read."
             warn("unfinished file", f"{printable(path)}: {text}")
             break
+        segments.append(b"TDSh" + start[4:] + file.read(min(n_before_samples, size)))
         end += 28 + length
+    _check_complete(path, end)
     file.seek(0)
-    return end
+    return segments
+
+
+def _differing_segments(nptdms: Any, segments: Sequence[bytes]) -> dict[str, str]:
+    """Return the TDMS channels whose segments do not follow each other at one rate, and why.
+
+    A file has the properties of its last segment; those of the others are found by leaving out what
+    follows them. This is done for the first 100 segments.
+    """
+    states: dict[str, list[tuple[int, float, Any]]] = {}
+    for n in range(1, min(len(segments), 100) + 1):
+        table = nptdms.TdmsFile.read_metadata(BytesIO(b"".join(segments[:n])))
+        for channel in (channel for group in table.groups() for channel in group.channels()):
+            step = float(channel.properties.get("wf_increment") or 0)
+            state = len(channel), step, channel.properties.get("wf_start_time")
+            states.setdefault(channel.path, []).append(state)
+    differing: dict[str, str] = {}
+    for path, found in states.items():
+        _, step, first = found[0]
+        for (n, _, before), (_, later, start) in pairwise(found):
+            apart = 0.0 if first is None else (start - first) / np.timedelta64(1, "s")
+            late = apart - n * step
+            if later != step:
+                rates = " and ".join(f"{1 / each:.6g}" for each in (step, later) if each)
+                reason = f"has segments with rates of {rates} Hz"
+            elif step and start != before and abs(late) > 1e-3 + 1.5 * step:
+                reason = f"has a segment that starts {late:.6g} s after the end of the one before, "
+                reason += f"at sample {n}"
+            else:
+                continue
+            differing.setdefault(path, f"{reason}. Save each as a file")
+    return differing
 
 
 def _check_complete(path: Path, stated: int) -> None:

@@ -14,52 +14,49 @@ from emacm.files.even_times import Times, ignore_hint
 from emacm.recordings.names import unit_factor
 
 
-def seconds_of(values: NDArray[Any], unit: str, name: str) -> Times:
-    """Return a column of times in seconds since the first.
+def seconds_of(values: NDArray[Any], unit: str, name: str) -> tuple[Times, float]:
+    """Return a column of times in seconds since the first, and to what their type rounds them.
 
     Parameters
     ----------
     values : ndarray of shape (n_times,)
         Numbers, or dates and times as in `dates_of`.
     unit : str
-        Unit of numbers; "" stands for s, or for ms, us or ns if that is a word of the name.
+        Unit of numbers.
     name : str
         Name of the column, for messages.
 
     Returns
     -------
-    ndarray of shape (n_times,)
+    times : ndarray of shape (n_times,)
+    resolution : float
+        [s]
 
     Raises
     ------
     ValueError
-        If a value is missing or is not a time, or has no unit and cannot be in seconds.
+        If a value is missing or is not a time.
     """
+    resolution = 0.0
     if values.dtype.kind in "iuf":
-        factor = unit_factor(time_unit(name, unit), "time")
-        if not unit and len(values) and values[0] * factor > 1e11:  # s since 1970: in 5138
-            since = "ms" if values[0] < 1e14 else "us" if values[0] < 1e17 else "ns"
-            raise ValueError(
-                f"time column {name!r} begins at {values[0]:g}, which cannot be in s. State its "
-                f"unit, as in units = {{{name} = {since!r}}} of the layout, or {ignore_hint(name)}."
-            )
+        factor = unit_factor(unit, "time")
         seconds = (values - values[:1]).astype(np.float64) * factor  # exact also of ns since 1970
+        if values.dtype.kind == "f" and len(values):
+            resolution = float(np.spacing(np.abs(values[[0, -1]]).max())) * factor
     else:
         dates = dates_of(values, name)
         seconds = (dates - dates.iloc[0]).dt.total_seconds().to_numpy()
     check_finite(seconds, f"time column {name!r}")
-    return seconds - seconds[0]
+    return seconds, resolution
 
 
-def unit_that_fits(values: NDArray[Any], name: str, stated: str, speed: float = 0.0) -> str:
-    """Return the unit in which times give a credible rate; "" if that is s, or one is stated.
+def unit_that_fits(values: NDArray[Any], speed: float = 0.0) -> str:
+    """Return the unit in which times without a unit give a credible rate; "" if that is s.
 
     Parameters
     ----------
     values : ndarray of shape (n_times,)
         The times.
-    name, stated : str
-        Name of the column, and its unit; "" if it is not stated.
     speed : float
         Highest speed of the shaft [rev/s], 0 if it is not known.
 
@@ -67,16 +64,18 @@ def unit_that_fits(values: NDArray[Any], name: str, stated: str, speed: float = 
     -------
     str
         Among units with a rate of 100 Hz to 1 MHz that is above twice the speed, that with the
-        roundest rate.
+        roundest rate; of times since 1970, that of their size.
 
     Examples
     --------
-    >>> unit_that_fits(np.arange(900) / 86.4e6, "t", ""), unit_that_fits(np.arange(900), "t", "")
+    >>> unit_that_fits(np.arange(900) / 86.4e6), unit_that_fits(np.arange(900))
     ('d', 'ms')
     """
-    is_judged = values.dtype.kind in "iuf" and len(values) >= 100  # not a table of a few rows
-    span = float(values[-1] - values[0]) if is_judged else 0.0
-    if not span > 0 or time_unit(name, stated) != "s" or stated:
+    is_number = values.dtype.kind in "iuf" and len(values) > 1
+    first, span = (float(values[0]), float(values[-1] - values[0])) if is_number else (0.0, 0.0)
+    if first > 1e11:  # since 1970; in s, it would be the year 5138
+        return "ms" if first < 1e14 else "us" if first < 1e17 else "ns"
+    if len(values) < 100 or not span > 0:  # a table of a few rows
         return ""
     rate = (len(values) - 1) / span
     units: tuple[str, ...] = ()
@@ -85,24 +84,12 @@ def unit_that_fits(values: NDArray[Any], name: str, stated: str, speed: float = 
     elif rate <= max(1.001, 2 * speed):
         units = ("ms", "us", "ns")
     rates = {unit: rate / unit_factor(unit, "time") for unit in units}
-    mantissas = {
-        unit: f"{value:.3e}".partition("e")[0].rstrip("0.")
+    lengths = {
+        unit: len(f"{value:.3e}".partition("e")[0].rstrip("0."))
         for unit, value in rates.items()
         if max(99, 2 * speed) < value <= 1.001e6
     }
-    return min(mantissas, key=lambda unit: len(mantissas[unit]), default="")
-
-
-def time_unit(name: str, stated: str) -> str:
-    """Return the unit of a column of times: as stated, else ms, us or ns of its name, else s.
-
-    Examples
-    --------
-    >>> time_unit("time_ms", ""), time_unit("time", ""), time_unit("time_ms", "us")
-    ('ms', 's', 'us')
-    """
-    words = re.findall("[a-z]+", name.lower())
-    return stated or next((word for word in words if word in ("ms", "us", "ns")), "s")
+    return min(lengths, key=lengths.__getitem__, default="")
 
 
 def stated_date(value: Any, key: str) -> pd.Timestamp:

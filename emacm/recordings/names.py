@@ -188,6 +188,18 @@ def unit_in_name(name: str) -> str:
     return next((u for end, u in units.items() if any(w.endswith(end) for w in _words(name))), "")
 
 
+def time_unit_in_name(name: str) -> str:
+    """Return the unit of time that is a word of a name; "" if there is none.
+
+    Examples
+    --------
+    >>> time_unit_in_name("time_ms"), time_unit_in_name("seconds"), time_unit_in_name("time")
+    ('ms', 's', '')
+    """
+    units = {"ms": "ms", "us": "us", "ns": "ns", "s": "s", "sec": "s", "seconds": "s"}
+    return next((units[word] for word in _words(name) if word in units), "")
+
+
 def _words(name: str) -> list[str]:
     """Return the words of a name, without its unit, in lower case; "shaftSpeed" has two."""
     plain = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", split_unit(name)[0])
