@@ -209,7 +209,7 @@ def test_a_router_of_tables_is_explained_without_the_column_of_the_condition():
     router.fit(X, y, groups=np.arange(40) // 4)
     table = explain_decision(router, X.iloc[[3]])
     assert table["column"].tolist() == ["torque@1-2", "torque@0-1"]
-    router.set_params(estimator__cost={("new", "worn"): 1e9, ("worn", "new"): 0.1})
+    router.set_params(estimator__cost={("new", "worn"): 1e9, ("unknown", "new"): 5})
     assert explain_decision(router, X.iloc[[2]]).attrs["decision"] == "worn"  # the present cost
     with pytest.raises(ValueError, match=r"several conditions, .* one condition at a time"):
         explain_model(router, X, y)
