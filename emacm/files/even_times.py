@@ -129,7 +129,7 @@ def even_times(
     long, equal = steps > 1.75 * usual, steps <= 1e-6 * usual
     long[:-1] &= steps[1:] > 0.5 * usual  # a single late sample is jitter,
     long &= np.std(steps[~long]) < 0.2 * usual  # and so are all if the others vary, too
-    is_rounded = spread <= 1.05 * tick and np.ptp(steps) < 1.5 * tick
+    is_rounded = bool(spread <= 1.05 * tick and np.ptp(steps) < 1.5 * tick)
     if is_rounded and tick > max(0.01 * seconds[-1], 1.5 / rate):
         raise ValueError(
             f"time column {name!r} is rounded to {tick:g} s, which leaves the sampling rate "
@@ -137,8 +137,9 @@ def even_times(
         )
     # Rounding, too, makes some steps longer, or zero. It is told from missing samples and packets
     # by many such steps, at distances that differ; times in ms often have equally many samples.
-    is_rounded &= not long.any() or not _are_few(long, long)
-    is_rounded &= not equal.any() or not _are_few(equal, ~equal if tick > 1.5e-3 else equal[:0])
+    singles = ~equal if tick > 1.5e-3 else equal[:0]
+    is_rounded = is_rounded and not (long.any() and _are_few(long, long))
+    is_rounded = is_rounded and not (equal.any() and _are_few(equal, singles))
     is_filled = resample and not equal.any() and steps.max() < 3.5 * usual
     if not is_rounded and is_filled and (long.any() or jitter > 0.005):
         filled = float(f"{np.rint(steps / usual).sum() / seconds[-1]:.4g}")
