@@ -391,7 +391,8 @@ def lines_of_envelopes(page: Page, parts: Any, recording: Recording) -> list[str
     for row in found.itertuples():
         own = [name for name in (row.named, row.suspected) if name != "none"]
         if own:
-            text = f"{channel_name(row.channel)}, without training: {row.explanation}"
+            explanation = row.explanation.removesuffix(".")
+            text = f"{channel_name(row.channel)}, without training: {explanation}"
             page.sentences.append(f"In the envelope of {text}.")
             names += " + ".join(own).split(" + ")
     return names
