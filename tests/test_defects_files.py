@@ -56,7 +56,10 @@ def write_mdf(path, times, values, name="vib", **options):
 
 
 def write_uff(path, times, values):
-    write_uff_sets(path, [{"id1": "vib", "data": values, "x": times, "abscissa_spacing": 0}])
+    n = len(times) // 2 * 2  # older writers of uneven sets fail at an odd number
+    write_uff_sets(
+        path, [{"id1": "vib", "data": values[:n], "x": times[:n], "abscissa_spacing": 0}]
+    )
 
 
 def write_uff_sets(path, sets):
