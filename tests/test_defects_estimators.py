@@ -108,7 +108,8 @@ def test_a_model_file_holds_the_steps_of_scikit_learn(model, tmp_path):
 
 def test_a_model_file_names_the_step_that_it_cannot_hold(tmp_path):
     X, y = features()
-    search = GridSearchCV(CostSensitiveGaussianBayes(), {"cost": [COST, 2 * COST]}, cv=3)
+    costs = [{("healthy", "inner"): cost} for cost in (5, 20)]
+    search = GridSearchCV(CostSensitiveGaussianBayes(), {"cost": costs}, cv=3)
     with pytest.raises(TypeError, match=r"GridSearchCV: .*save the best_estimator_"):
         save_model(search.fit(X, y), tmp_path / "model")
     for name in ("sklearn.datasets._openml.fetch_openml", "sklearn.utils._testing.TempMemmap"):

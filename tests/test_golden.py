@@ -38,7 +38,17 @@ PARTS = f"""
 "cage" = 0.4
 """
 COSTS = "decision,healthy,inner,outer\nhealthy,0,9,6\ninner,2,0,5\nouter,3,4,0\ninspect,.7,.8,.9\n"
-RUN = ("Model | ", "Saved: ", "Digest", "Versions")  # lines that differ from run to run
+# Lines that differ from run to run, or by how scikit-learn divides the other families.
+RUN = (
+    "Model | ",
+    "Saved: ",
+    "Digest",
+    "Versions",
+    "auroc",
+    "known flagged",
+    "unknown flagged",
+    "unknown called",
+)
 # Of the new recordings: unit, day, sizes of the lines of inner and outer ring, factor of the speed.
 NEW = [
     ("drive", 3, 0.0, 0.0, 1.0),

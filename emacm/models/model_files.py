@@ -79,9 +79,7 @@ def _is_trusted(name: str) -> bool:
 def _stored(skops: Any, model: Any) -> bytes:
     """Return a model as skops writes it; a TypeError names what cannot be stored, and where."""
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of pandas, whose attributes skops reads
-            stored = skops.dumps(model, compression=8)
+        stored = skops.dumps(model, compression=8)
     except (TypeError, AttributeError, ValueError) as error:
         raise TypeError(
             f"it contains something that a model file cannot hold: {error}. Use functions of NumPy "
