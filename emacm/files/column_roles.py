@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -62,15 +62,14 @@ def recording_arguments(
     of_second = layout.of_second_file()
     shaft = _shaft_column(content, layout) if of_second is None else None
     channels = _channel_columns(content, layout, times, shaft)
-    used = [*channels.values(), *([shaft] if shaft in content.columns else [])]
+    used = [*channels.items(), *([(shaft, shaft)] if shaft in content.columns else [])]
     signals = {name: _signal(content, c, f"channel {name!r}") for name, c in channels.items()}
-    n_times = {len(values) for values in signals.values()}
     rates = rates_of_columns(content, layout, times, used)
-    _check_starts(content, used, rates)
-    fs = {
-        name: _column_rate(content, layout, rates, column, name)
-        for name, column in channels.items()
-    }
+    _check_starts(content, rates)
+    fs = {name: _known_rate(rates, column, name).rate for name, column in channels.items()}
+    highest = max(fs.values())
+    if shaft in content.columns and len(content.columns[shaft]) in map(len, signals.values()):
+        rates.setdefault(shaft, EvenTimes(highest))
     units: dict[str, str] = {}
     for name, column in channels.items():
         scale = layout.scale
@@ -89,14 +88,14 @@ def recording_arguments(
         if column in rates:
             signals[name] = rates[column].resampled(signals[name], name)
     arguments: dict[str, Any] = {"signals": signals, "fs": fs, "units": units}
-    highest = max(fs.values())
     if of_second is None or second is None:
-        arguments |= _shaft(content, layout, shaft, rates, highest, n_times)
+        arguments |= _shaft(content, layout, shaft, rates, highest)
     else:
         with located("the second file"):
             shaft = _shaft_column(second, of_second)
-            own = rates_of_columns(second, of_second, _time_column(second, of_second), [shaft])
-            motion = _shaft(second, of_second, shaft, own, highest, set())
+            times_of_second = _time_column(second, of_second)
+            own = rates_of_columns(second, of_second, times_of_second, [(shaft, shaft)])
+            motion = _shaft(second, of_second, shaft, own, highest)
             delay = _delay((content, layout), (second, of_second))
             longest = max(len(values) / fs[name] for name, values in signals.items())
             arguments |= _aligned(motion, delay, longest)
@@ -127,18 +126,14 @@ def _check_unit_of_times(
         )
 
 
-def _check_starts(
-    content: FileColumns, names: Sequence[str], rates: Mapping[str, EvenTimes]
-) -> None:
+def _check_starts(content: FileColumns, rates: Mapping[str, EvenTimes]) -> None:
     """Refuse columns that start more than a sample apart."""
-    starts = {name: content.starts[name] for name in names if name in content.starts}
-    if not starts:
-        return
-    latest, earliest = max(starts, key=starts.__getitem__), min(starts, key=starts.__getitem__)
-    apart = starts[latest] - starts[earliest]
-    if apart > 1e-3 + 1 / min(rates.get(name, EvenTimes(1000.0)).rate for name in starts):
+    starts = {content.starts[name]: name for name in rates if name in content.starts}
+    apart = max(starts, default=0.0) - min(starts, default=0.0)
+    if starts and apart > 1e-3 + 1 / min(rates[name].rate for name in starts.values()):
         raise ValueError(
-            f"{latest!r} starts {apart:.6g} s later than {earliest!r}. Cut both to one start."
+            f"{starts[max(starts)]!r} starts {apart:.6g} s later than {starts[min(starts)]!r}. "
+            f"Cut both to one start."
         )
 
 
@@ -278,9 +273,12 @@ def _channel_columns(
 
 
 def rates_of_columns(
-    content: FileColumns, layout: Layout, times: str | None, names: Iterable[str | None]
+    content: FileColumns,
+    layout: Layout,
+    times: str | None,
+    names: Iterable[tuple[str | None, str | None]],
 ) -> dict[str, EvenTimes]:
-    """Return sampling rates by column, from the file, its column of times, or own times.
+    """Return sampling rates by column, from layout, file, column of times, or own times.
 
     The rate of a single column comes first, then that of its group, then that of the times. Where
     a layout states rates of single columns, that of a group is only their default.
@@ -293,8 +291,8 @@ def rates_of_columns(
         What it states of rates, times and units.
     times : str or None
         Column of times.
-    names : iterable of str or None
-        The columns; those of others are not judged.
+    names : iterable of (str or None, str or None)
+        Name for the layout, and column. Other columns are not judged.
 
     Returns
     -------
@@ -304,28 +302,54 @@ def rates_of_columns(
     Raises
     ------
     ValueError
-        If the times are not even.
+        If the times are not even, or two rates contradict each other.
 
     Examples
     --------
     >>> content = FileColumns({"b": [0.0, 1.0]}, numbers={"fs": 25.0})
-    >>> rates_of_columns(content, Layout(), None, ["b"])
+    >>> rates_of_columns(content, Layout(), None, [("b", "b")])
     {'b': EvenTimes(rate=25.0, uneven=None)}
     """
     of_groups, own = _stated_rates(content)
-    stated = own if isinstance(layout.fs, Mapping) else of_groups | own
-    fs = layout.fs if isinstance(layout.fs, float | int) else None
     found: dict[str, EvenTimes] = {}
-    shared = None
-    for name in (name for name in names if name in content.columns):
-        if name in content.times and layout.time is not False:
-            found[name] = even_times(content.times[name], name, fs, resample=layout.resample)
-        elif times and len(content.columns[name]) == len(content.columns[times]):
-            shared = shared or _shared_times(content, layout, times, fs or stated.get(times))
-            found[name] = shared
-        if name in stated:
-            found[name] = EvenTimes(stated[name], found.get(name, EvenTimes(0.0)).uneven)
+    shared: dict[float | None, EvenTimes] = {}
+    for name, column in names:
+        if name is None or column not in content.columns:
+            continue
+        stated = _rate_of_layout(content, layout, name, column)
+        known = own.get(column)
+        if known is None and not (stated and isinstance(layout.fs, Mapping)):
+            known = of_groups.get(column)
+        if stated and known and abs(known / stated - 1) > 1e-6:
+            raise ValueError(
+                f"the layout states fs = {stated:g} Hz for {name!r}, but the file {known:.9g} Hz. "
+                f"Correct fs, or leave it out."
+            )
+        rate = stated or known
+        if column in content.times and layout.time is not False:
+            own_times = content.times[column]
+            found[column] = even_times(own_times, column, rate, resample=layout.resample)
+        elif times and len(content.columns[column]) == len(content.columns[times]):
+            if rate not in shared:
+                shared[rate] = _shared_times(content, layout, times, rate)
+            found[column] = shared[rate]
+        elif rate:
+            found[column] = EvenTimes(rate)
     return found
+
+
+def _rate_of_layout(content: FileColumns, layout: Layout, name: str, column: str) -> float | None:
+    """Return the rate that a layout states for a channel or column, if it states one."""
+    stated = layout.fs
+    if isinstance(stated, Mapping):
+        by_name = {split_unit(key)[0]: rate for key, rate in stated.items()}
+        stated = by_name.get(name, by_name.get(column))
+    if isinstance(stated, str):
+        number = content.find(stated, numbers=True)
+        if number not in content.numbers:
+            raise ValueError(f"fs = {stated!r} is not a single number of the file.")
+        stated = content.numbers[number]
+    return None if stated is None else float(stated)
 
 
 def _shared_times(content: FileColumns, layout: Layout, times: str, fs: float | None) -> EvenTimes:
@@ -365,37 +389,14 @@ def _stated_rates(content: FileColumns) -> tuple[dict[str, float], dict[str, flo
     return of_groups, own | content.rates
 
 
-def _column_rate(
-    content: FileColumns,
-    layout: Layout,
-    rates: Mapping[str, EvenTimes],
-    column: str,
-    name: str,
-    default: float | None = None,
-) -> float:
-    """Return the rate of a column [Hz], which layout and file may both state."""
-    known, stated = rates[column].rate if column in rates else None, layout.fs
-    if isinstance(stated, Mapping):
-        by_name = {split_unit(key)[0]: rate for key, rate in stated.items()}
-        stated = by_name.get(name, by_name.get(column))
-        default = _stated_rates(content)[0].get(column, default)
-    if isinstance(stated, str):
-        number = content.find(stated, numbers=True)
-        if number not in content.numbers:
-            raise ValueError(f"fs = {stated!r} is not a single number of the file.")
-        stated = content.numbers[number]
-    if stated and known and abs(known / stated - 1) > 1e-6:
-        raise ValueError(
-            f"the layout states fs = {stated:g} Hz for {name!r}, but the file {known:.9g} Hz. "
-            f"Correct fs, or leave it out."
-        )
-    rate = stated or known or default
-    if rate is None:
+def _known_rate(rates: Mapping[str, EvenTimes], column: str, name: str) -> EvenTimes:
+    """Return the rate of a column."""
+    if column not in rates:
         raise ValueError(
             f"the sampling rate of {name!r} is not known: neither the file nor the layout "
             f"states it. Set fs, or time to a column of times; fs may be a rate for each column."
         )
-    return float(rate)
+    return rates[column]
 
 
 def _signal(content: FileColumns, column: str, name: str) -> NDArray[np.floating]:
@@ -436,12 +437,8 @@ def _shaft(
     column: str | None,
     rates: Mapping[str, EvenTimes],
     fs: float,
-    n_times: Set[int],
 ) -> dict[str, Any]:
-    """Return the shaft reference in rad or rad/s, and its rate [Hz].
-
-    Of a column that is as long as a channel (`n_times`), it is `fs` if nothing states another.
-    """
+    """Return the shaft reference in rad or rad/s, and its rate [Hz]; `fs` of a constant speed."""
     if column is None:
         speed, unit = layout.velocity, layout.unit_of("velocity", "speed") or "rad/s"
         if isinstance(speed, str):
@@ -449,23 +446,21 @@ def _shaft(
         return {"velocity": float(speed) * unit_factor(unit, "velocity"), "shaft_fs": fs}
     kind = "angle" if layout.angle is not None else "velocity"
     values: Any = content.numbers.get(column)
-    rate = fs
+    even = EvenTimes(fs)
     if values is None:
         values = _signal(content, column, f"the shaft column {column!r}")
-        default = fs if len(values) in n_times else None
-        rate = _column_rate(content, layout, rates, column, column, default)
-    even = rates.get(column, EvenTimes(rate))
+        even = _known_rate(rates, column, column)
     if layout.tacho is not None:
         options = dict(layout.tacho) if isinstance(layout.tacho, Mapping) else {}
         options.pop("column", None)
-        found = stated_angle(even.resampled(values), rate, **options)
+        found = stated_angle(even.resampled(values), even.rate, **options)
         content.statements = found.statements
-        return {"angle": found.angle, "shaft_fs": rate}
+        return {"angle": found.angle, "shaft_fs": even.rate}
     factor = unit_factor(_shaft_unit(content, layout, column, kind), kind)
     values = values if factor == 1 else values * factor
     if even.uneven is not None and kind == "angle" and is_wrapped(values):
         values = angle_from_wrapped(values)
-    return {kind: even.resampled(values), "shaft_fs": rate}
+    return {kind: even.resampled(values), "shaft_fs": even.rate}
 
 
 def _shaft_unit(content: FileColumns, layout: Layout, column: str, kind: str) -> str:

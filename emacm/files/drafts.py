@@ -145,15 +145,17 @@ def contents_of(path: Path) -> FileContents:
         remarks.append(f"the unit of {times!r}: these look like {unit_word(time_unit)}, not s")
         columns.units[times] = time_unit
     rates: dict[str, EvenTimes] = {}
-    for judged in (columns.columns.keys() - columns.times, *({name} for name in columns.times)):
+    shared = [name for name in columns.columns if name not in columns.times]
+    for judged in (shared, *([name] for name in columns.times)):
+        pairs = [(name, name) for name in judged]
         try:
-            rates |= rates_of_columns(columns, Layout(), times, judged)
+            rates |= rates_of_columns(columns, Layout(), times, pairs)
         except ValueError as error:
-            if judged <= columns.times.keys():
-                columns.defects |= dict.fromkeys(judged, f"cannot be used: {error}")
-                continue
-            remarks.append(str(error))
-            rates |= rates_of_columns(columns, Layout(), None, judged)
+            if judged is shared:
+                remarks.append(str(error))
+                rates |= rates_of_columns(columns, Layout(), None, pairs)
+            else:
+                columns.defects[judged[0]] = f"cannot be used: {error}"
     shafts = columns.like_shaft()
     by_name = {name: even.rate for name, even in rates.items()}
     shaft = next(iter(shafts), None)

@@ -308,7 +308,7 @@ def test_numbers_of_a_text_are_read_exactly(tmp_path):
 def test_a_rate_in_a_file_holds_for_the_columns_of_its_group(numbers, units, rates):
     columns = {"b": np.zeros(2), "g/c": np.zeros(2), "own": np.zeros(2)}
     content = FileColumns(columns, {"own": 7.0}, dict(units), dict(numbers))
-    found = rates_of_columns(content, Layout(), None, columns)
+    found = rates_of_columns(content, Layout(), None, [(c, c) for c in columns])
     assert {name: even.rate for name, even in found.items()} == rates | {"own": 7}
 
 
