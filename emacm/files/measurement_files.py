@@ -246,7 +246,10 @@ def read_hdf5(path: Path, content: FileColumns, *, separator: str = "/") -> None
             name = place.replace("/", separator)
             if place not in sets:
                 _add_attributes(content, name + separator, node.attrs)
-            elif place[0] != "#" and node.attrs.get("MATLAB_class") not in (b"char", b"cell"):
+            elif place[0] != "#" and _decoded(node.attrs.get("MATLAB_class")) not in (
+                "char",
+                "cell",
+            ):
                 before = {*content.columns, *content.numbers}
                 add_array(content, name, _packed(node))
                 for column in {*content.columns, *content.numbers} - before:

@@ -7,6 +7,10 @@ from emacm import Layout, open_recording
 
 ROWS = "0,0;1,5;900\n0,5;-2,5;903,5\n1,0;4;907\n"
 PREAMBLE = "Logger: XYZ 3000;;\nstarted;22.11.2026;\nsample rate;2;Hz\n\n"
+DATED = (
+    "2026-11-01T08:00:00.0,1.5,x,900,\r\n2026-11-01T08:00:00.5,-2.5,y,903.5,\r\n"
+    "2026-11-01T08:00:01.0,4,z,907,\r\n"
+)
 HEADER = "Zeit [s];b [m/s²];n [1/min]\n"
 
 
@@ -26,6 +30,9 @@ def opened(tmp_path, text, layout=None, *, encoding="utf-8"):
         ("maker;model;place\nZeit;b;n\nseconds;m/s²;1/min\n" + ROWS, "utf-8"),
         ("maker;model;place\ntime;b [m/s²];n [rpm]\n" + ROWS, "utf-8"),
         ("".join(f"key {i} = {i}\n" for i in range(150)) + HEADER + ROWS, "utf-8"),
+        ("time\tb\tn\n[s]\t[m/s²]\t[rpm]\n" + ROWS.replace(";", "\t"), "utf-8"),
+        ("# bench 3\n# time b [m/s²] n [rpm]\n0 1.5 900\n0.5 -2.5 903.5\n1 4 907\n", "utf-8"),
+        (f"\ufefftime,b (m/s²),note,n (rpm),\r\n{DATED}", "utf-8"),
     ],
 )
 def test_the_header_is_found_below_a_preamble(tmp_path, text, encoding):
@@ -75,9 +82,7 @@ def test_a_rate_in_the_preamble_is_that_of_the_columns(tmp_path, line, rate):
     [
         ("time,b\n0,1,900\n1,2,900\n", r"header \['time', 'b'\] does not name the 3 columns"),
         ("b,c,b\n0,1,900\n1,2,900\n", r"columns must have different names, got \['b', 'c', 'b'\]"),
-        ("# nothing\n# else\n", "has no rows of numbers"),
         ("b;c\ng;A\n", "has no rows of numbers"),
-        ("\n\n", "has no rows of numbers"),
     ],
 )
 def test_a_text_without_usable_columns_is_refused(tmp_path, text, message):
@@ -113,12 +118,6 @@ def test_files_of_spreadsheets_are_read(tmp_path, text, encoding):
     np.testing.assert_allclose(recording.velocity * 30 / np.pi, [900, 903.5, 907], rtol=1e-14)
 
 
-def test_blank_cells_within_a_recording_are_an_error(tmp_path):
-    text = "b,n\n1.5,900\n,\n4,907\n"
-    with pytest.raises(ValueError, match="nan at sample 1"):
-        assert opened(tmp_path, text, Layout(fs=2, channels=["b"], velocity=3)).duration
-
-
 NAMES = Layout(fs=2, velocity=3)
 BLANK = "b,c,,,\n" + "1,2,,,\n" * 300  # more rows than are looked at for blank columns
 
@@ -128,17 +127,15 @@ BLANK = "b,c,,,\n" + "1,2,,,\n" * 300  # more rows than are looked at for blank 
     [
         ("b,c\n1,2\n3,4,5\n6,7\n8,9\n", "the 2 columns: Expected 2 fields in line 3, saw 3. Corr"),
         ("# a\n\nb,c\n1,2\n\n3,4,\n5,6\n8,9\n", "Expected 2 fields in line 6, saw 3"),
-        ("b c\n1 2\n3 4\n5 6 7\n8 9\n", "Expected 2 fields in line 4, saw 3"),
         ('b,c\n1,2\n3,"4\n5,6\n', "EOF inside string"),
         (f"{BLANK}3,4,,5,\n", "sample 300 has 5.0 in a column without a name"),
         ("b,c,\n1,2,\n3,4,\n6,7,8\n9,1,\n", "sample 2 has 8.0 in a column without a"),
         ("\tc\n1\t2\n3\t4\n", r"header \['', 'c'\] does not name the 2 columns"),
-        ("b,c\n1,2\n3,\n", "channel 'c' must be finite, got nan at sample 1"),
         ("1;2\n", "channel 'x0' must hold at least 2 samples"),
         ("b,c\n1,2,5\n3,4\n6,7\n8,9\n", "line 2 has 3 values, but there are 2 columns. Correct"),
+        ("b,c\n1.5,900\n,\n4,907\n", "nan at sample 1"),
         ("b,,c\n1,2,3\n4,5,6\n", r"header \['b', '', 'c'\] does not name the 3 columns"),
         ("time,b\n0,1\n0.5,2\nMean,3\n", "time column 'time' has 'Mean' at sample 2, not a time"),
-        ("b;c\n1,5;1.124\n2,5;1.130\n", "'c' has '1.124' at sample 0, with a decimal point"),
         (
             "b,c,d\n1,,3\n4,,6\n",
             "channel 'c' must be finite, got nan at sample 0, and has no value at all",

@@ -1,4 +1,4 @@
-"""Files written by their own libraries are read with names, rates and units."""
+"""Files written by their own libraries are read with names, rates, units and start."""
 
 import sys
 
@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.io
+from files.written import ignored, library, write
 
 from emacm import Layout, Recording, open_recording
 
@@ -13,239 +14,125 @@ RNG = np.random.default_rng(6)
 N = 1500
 VIB, AMP = RNG.normal(size=N), RNG.normal(size=N) - 3
 SPEED = 900 + 30 * np.sin(np.arange(N) / 90)
-LAYOUT = Layout(velocity="speed", units={"speed": "rpm"})
+COLUMNS = {"vib": VIB, "amp": AMP, "speed": SPEED}
+UNITS = {"vib": "g", "amp": "A", "speed": "rpm"}
+EXPECTED = Recording(
+    {"vib": VIB, "amp": AMP},
+    12_000.0,  # of which UFF states 8.33333e-05 s
+    velocity=SPEED * (np.pi / 30),
+    units={"vib": "g", "amp": "A"},
+)
 
 
-def library(name):
-    reason = f"{name} cannot be imported (extra 'files' or 'mdf')"
-    return pytest.importorskip(name, reason=reason, exc_type=ImportError)
-
-
-def expected(fs=2560.0, units=("g", "A")):
-    return Recording(
-        {"vib": VIB, "amp": AMP},
-        fs,
-        velocity=SPEED * (np.pi / 30),
-        units={"vib": units[0], "amp": units[1]},
-    )
+@ignored
+@pytest.mark.parametrize("suffix", ["parquet", "h5", "tdms", "uff", "mf4"])
+def test_names_rates_units_and_start_are_those_of_the_file(tmp_path, suffix):
+    start = np.datetime64("2026-11-01T08:01:00.5")
+    path = write(tmp_path / f"a.{suffix}", COLUMNS, fs=12_000, units=UNITS, start=start)
+    opened = open_recording(path, Layout(channels=["vib", "amp"], velocity="speed"))
+    assert opened == EXPECTED
+    assert opened.start == (pd.Timestamp(start) if suffix in ("tdms", "mf4") else None)
 
 
 def test_parquet_with_metadata_of_fields_and_file(tmp_path):
     pyarrow, parquet = library("pyarrow"), library("pyarrow.parquet")
     fields = [
-        pyarrow.field("vib", pyarrow.float64(), metadata={"unit": "g", "comment": "left"}),
-        pyarrow.field("amp", pyarrow.float64(), metadata={"unit": "A"}),
-        pyarrow.field("speed", pyarrow.float64(), metadata={"unit": "rpm"}),
+        pyarrow.field(name, pyarrow.float64(), metadata={"unit": unit, "comment": "left"})
+        for name, unit in UNITS.items()
     ]
-    schema = pyarrow.schema(fields, metadata={"fs": "2560"})
-    table = pyarrow.table([VIB, AMP, SPEED], schema=schema)
-    parquet.write_table(table, tmp_path / "a.parquet")
-    assert open_recording(tmp_path / "a.parquet", Layout(velocity="speed")) == expected()
+    schema = pyarrow.schema(fields, metadata={"fs": "12000"})
+    parquet.write_table(pyarrow.table([*COLUMNS.values()], schema=schema), tmp_path / "a.parquet")
+    assert open_recording(tmp_path / "a.parquet", Layout(velocity="speed")) == EXPECTED
 
 
-def test_parquet_of_a_frame_with_attributes(tmp_path):
-    library("pyarrow")
-    frame = pd.DataFrame({"vib": VIB, "amp [A]": AMP, "speed": SPEED})
-    frame.attrs = {"fs": 2560, "units": {"vib": "g", "speed": "rpm"}}
-    frame.to_parquet(tmp_path / "a.parquet")
-    assert open_recording(tmp_path / "a.parquet", Layout(velocity="speed")) == expected()
+LIBRARIES = {"parquet": "pyarrow", "h5": "h5py", "tdms": "nptdms", "uff": "pyuff", "mf4": "asammdf"}
 
 
-def test_hdf5_with_attributes_of_data_sets_and_groups(tmp_path):
-    h5py = library("h5py")
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        group = file.create_group("bench")
-        group.attrs["sampling_rate"] = 2560
-        for name, values, unit in (("vib", VIB, "g"), ("amp", AMP, "A"), ("speed", SPEED, "rpm")):
-            group.create_dataset(name, data=values, compression="gzip").attrs["unit"] = unit
-        file.create_dataset("notes", data="text")
-    layout = Layout(channels={"vib": "bench/vib", "amp": "amp"}, velocity="speed")
-    assert open_recording(tmp_path / "a.h5", layout) == expected()
-
-
-def test_mat_7_3_as_matlab_writes_it(tmp_path):
-    h5py = library("h5py")
-    with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
-        run = file.create_group("run")
-        for name, values in (("vib", VIB), ("amp", AMP), ("speed", SPEED)):
-            run.create_dataset(name, data=values[None, :]).attrs["MATLAB_class"] = b"double"
-        run.create_dataset("fs", data=[[2560.0]]).attrs["MATLAB_class"] = b"double"
-        text = np.frombuffer("AB".encode("utf-16-le"), "u2")[:, None]
-        run.create_dataset("name", data=text).attrs["MATLAB_class"] = b"char"
-    with open(tmp_path / "a.mat", "r+b") as file:
-        file.write(b"MATLAB 7.3 MAT-file".ljust(116) + bytes(8) + b"\x00\x02IM")
-    columns = {"vib": "run.vib", "amp": "run.amp"}
-    layout = Layout(
-        channels=columns, velocity="run.speed", units={"run.speed": "rpm", "vib": "g", "amp": "A"}
-    )
-    assert open_recording(tmp_path / "a.mat", layout) == expected()
-
-
-def test_tdms_with_wave_form_properties(tmp_path):
-    nptdms = library("nptdms")
-    units = {"vib": "g", "amp": "A", "speed": "rpm"}
-    start = {"wf_start_time": np.datetime64("2026-11-01T08:01:00.5")}
-    channels = [
-        nptdms.ChannelObject(
-            "bench", name, values, {"wf_increment": 1 / 2560, "unit_string": units[name]} | start
-        )
-        for name, values in (("vib", VIB), ("amp", AMP), ("speed", SPEED))
-    ]
-    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
-        writer.write_segment(channels)
-    opened = open_recording(tmp_path / "a.tdms", Layout(velocity="speed"))
-    assert opened == expected()
-    assert opened.start == pd.Timestamp("2026-11-01T08:01:00.5")
-
-
-OTHERS = ("orddenom_spec_data_type", "z_axis_spec_data_type")
-
-
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-@pytest.mark.filterwarnings("ignore::ResourceWarning")  # pyuff leaves the file open
-def test_uff_58_binary(tmp_path):
-    pyuff = library("pyuff")
-    file = pyuff.UFF(str(tmp_path / "a.uff"))
-    plain, none = ("plain", VIB, ""), ("none", AMP, "NONE")
-    given = (("vib", VIB, "g"), ("amp", AMP, "A"), ("speed", SPEED, "rpm"), plain, none)
-    for name, values, unit in given:
-        one = {"type": 58, "binary": 1, "func_type": 1, "id1": name, "data": values}
-        one |= {"rsp_node": 1, "rsp_dir": 1, "ref_node": 1, "ref_dir": 1, "abscissa_spacing": 1}
-        one |= {"x": np.arange(N) / 12_000, "ordinate_axis_units_lab": unit}
-        one |= dict.fromkeys(OTHERS, 0) | {"orddenom_axis_lab": ""}
-        file.write_sets(one, "add")
-    opened = open_recording(tmp_path / "a.uff", Layout(velocity="speed"))
-    assert dict(opened.units) == {"vib": "g", "amp": "A"}
-    assert opened.fs["vib"] == 12_000  # the file states 8.33333e-05 s
-    np.testing.assert_array_equal(opened.signals["amp"], AMP)
-
-
-@pytest.mark.filterwarnings("ignore")  # of asammdf's own imports
-def test_mdf_4_with_rates_from_time_stamps(tmp_path):
-    asammdf = library("asammdf")
-    times = np.arange(N) / 2560
-    units = {"vib": "g", "amp": "A", "speed": "rpm"}
-    signals = [
-        asammdf.Signal(samples=values, timestamps=times, name=name, unit=units[name])
-        for name, values in (("vib", VIB), ("amp", AMP), ("speed", SPEED))
-    ]
-    with asammdf.MDF(version="4.10") as file:
-        file.start_time = pd.Timestamp("2026-11-01T08:01:00", tz="UTC").to_pydatetime()
-        file.append(signals)
-        file.save(tmp_path / "a.mf4")
-    opened = open_recording(tmp_path / "a.mf4", Layout(velocity="speed"))
-    assert opened == expected()
-    assert opened.start == pd.Timestamp("2026-11-01T08:01:00")
-
-
-@pytest.mark.parametrize(
-    ("name", "module", "extra"),
-    [
-        ("a.parquet", "pyarrow.parquet", "files"),
-        ("a.h5", "h5py", "files"),
-        ("a.tdms", "nptdms", "files"),
-        ("a.uff", "pyuff", "files"),
-        ("a.mf4", "asammdf", "mdf"),
-    ],
-)
-def test_without_the_library_the_extra_is_named(tmp_path, monkeypatch, name, module, extra):
-    (tmp_path / name).write_bytes(b"something")
-    monkeypatch.setitem(sys.modules, module, None)
-    opened = open_recording(tmp_path / name, LAYOUT)
-    library = module.partition(".")[0]
-    message = rf"files are read by {library}, which is not .*pip install 'emacm\[{extra}\]'"
+@ignored
+@pytest.mark.parametrize("suffix", LIBRARIES)
+def test_without_the_library_or_its_content_there_is_one_clear_error(tmp_path, monkeypatch, suffix):
+    path, name = tmp_path / f"a.{suffix}", LIBRARIES[suffix]
+    library(name)
+    path.write_bytes(b"something else " * 40)
+    with pytest.raises(ValueError, match=rf"{path.name}: it (cannot be read as|contains no sig)"):
+        assert open_recording(path, Layout(velocity=3)).duration
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet" if suffix == "parquet" else name, None)
+    extra = "mdf" if suffix == "mf4" else "files"
+    message = rf"files are read by {name}, which is not .*pip install 'emacm\[{extra}\]'"
     with pytest.raises(ImportError, match=message):
-        assert opened.duration
-
-
-@pytest.mark.filterwarnings("ignore")  # of the libraries
-@pytest.mark.parametrize(
-    ("name", "module"),
-    [
-        ("a.parquet", "pyarrow"),
-        ("a.h5", "h5py"),
-        ("a.tdms", "nptdms"),
-        ("a.uff", "pyuff"),
-        ("a.mf4", "asammdf"),
-    ],
-)
-def test_a_damaged_file_is_one_clear_error(tmp_path, name, module):
-    library(module)
-    (tmp_path / name).write_bytes(b"something else " * 40)
-    with pytest.raises(ValueError, match=rf"{name}: (it cannot be read as a|it contains no sig)"):
-        assert open_recording(tmp_path / name, LAYOUT).duration
+        assert open_recording(path, Layout(velocity=3)).duration
 
 
 # Files of unusual form
-
-WAVE = np.sin(np.arange(200.0))
-
-
-def parquet_of(tmp_path, columns, names=None):
-    pa, parquet = library("pyarrow"), library("pyarrow.parquet")
-    arrays = [pa.array(values) for values in columns.values()]
-    table = pa.Table.from_arrays(arrays, names=names or list(columns))
-    parquet.write_table(table, tmp_path / "a.parquet")
-    return open_recording(tmp_path / "a.parquet", Layout(fs=100, channels=["vib"], velocity=3))
 
 
 @pytest.mark.parametrize(
     ("columns", "names", "message"),
     [
-        ({"vib": [[1.0]] * 200, "b": WAVE}, None, "'vib' holds values of the type list<"),
-        ({"vib": [None] * 200, "b": WAVE}, None, "'vib' holds values of the type null"),
-        ({"vib": [None, *["x"] * 199], "b": WAVE}, None, "'vib' holds values of the type string"),
-        ({"vib": ["x"] * 199 + [None], "b": WAVE}, None, "'vib' must be numeric, got 'x' at"),
+        ({"vib": [[1.0]] * 200, "b": VIB[:200]}, None, "'vib' holds values of the type list<"),
+        ({"vib": [None, *["x"] * 199], "b": VIB[:200]}, None, "'vib' holds values of the type str"),
+        ({"vib": ["x"] * 199 + [None]}, None, "'vib' must be numeric, got 'x' at"),
         ({"vib": [[1.0]] * 200}, None, "no signal, .*'vib' holds values"),
-        ({"vib": WAVE, "b": WAVE}, ["vib", "vib"], "its columns must have different names"),
+        ({"vib": VIB, "b": VIB}, ["vib", "vib"], "its columns must have different names"),
     ],
 )
 def test_parquet_columns_that_are_no_signals_are_named(tmp_path, columns, names, message):
+    pa, parquet = library("pyarrow"), library("pyarrow.parquet")
+    arrays = [pa.array(values) for values in columns.values()]
+    table = pa.Table.from_arrays(arrays, names=names or list(columns))
+    parquet.write_table(table, tmp_path / "a.parquet")
+    layout = Layout(fs=100, channels=["vib"], velocity=3)
     with pytest.raises((ValueError, TypeError), match=message):
-        assert parquet_of(tmp_path, columns, names).duration
+        assert open_recording(tmp_path / "a.parquet", layout).duration
+
+
+def test_parquet_reads_decimals(tmp_path):
+    pyarrow, parquet = library("pyarrow"), library("pyarrow.parquet")
+    hundredths = np.round(VIB, 2)
+    column = pyarrow.array(hundredths).cast(pyarrow.decimal128(6, 2))
+    parquet.write_table(pyarrow.table({"vib": column}), tmp_path / "a.parquet")
+    opened = open_recording(tmp_path / "a.parquet", Layout(velocity=3, fs=2560))
+    np.testing.assert_allclose(opened.signals["vib"], hundredths, rtol=1e-15)
 
 
 def test_cells_and_arrays_of_structures_of_a_mat_file_are_numbered(tmp_path):
     cell = np.empty(2, object)
-    cell[0], cell[1] = WAVE, 2 * WAVE
-    runs = np.array([(3 * WAVE,), (4 * WAVE,)], dtype=[("y", "O")])
-    scipy.io.savemat(tmp_path / "a.mat", {"cell": cell, "runs": runs})
-    channels = {"a": "cell.1", "b": "runs.0.y"}
-    recording = open_recording(tmp_path / "a.mat", Layout(fs=100, channels=channels, velocity=3))
-    np.testing.assert_array_equal(recording.signals["a"], 2 * WAVE)
-    np.testing.assert_array_equal(recording.signals["b"], 3 * WAVE)
+    cell[0], cell[1] = VIB, 2 * VIB
+    runs = np.array([(3 * VIB,), (4 * VIB,)], dtype=[("y", "O")])
+    speed = {"data": SPEED, "unit": "rpm"}  # the unit is that of the only array
+    scipy.io.savemat(tmp_path / "a.mat", {"cell": cell, "runs": runs, "speed": speed})
+    layout = Layout(fs=100, channels={"a": "cell.1", "b": "runs.0.y"}, velocity="speed.data")
+    recording = open_recording(tmp_path / "a.mat", layout)
+    np.testing.assert_array_equal(recording.signals["a"], 2 * VIB)
+    np.testing.assert_array_equal(recording.signals["b"], 3 * VIB)
+    np.testing.assert_allclose(recording.velocity, EXPECTED.velocity)
 
 
 @pytest.mark.parametrize("key", ["fs", "sampling_rate", "sample_rate", "samplerate", "rate"])
-def test_attributes_of_an_hdf5_file_hold_for_all_its_data_sets(tmp_path, key):
-    h5py = library("h5py")
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        file["vib"], file["bench/amp"] = WAVE, 2 * WAVE
-        file.attrs.update({key: 100.0, "units": '{"vib": "g", "bench/amp": "A"}'})
-    run = open_recording(tmp_path / "a.h5", Layout(velocity=3))
-    assert dict(run.fs) == {"bench/amp": 100, "vib": 100}
-    assert dict(run.units) == {"bench/amp": "A", "vib": "g"}
-
-
-NOT_READ = {
-    "nothing": np.zeros(0),
-    "volume": np.zeros((2, 3, 4)),
-    "notes": np.array(["a", "b"]),
-}
+@pytest.mark.parametrize("place", ["/", "bench"])
+def test_attributes_of_an_hdf5_file_or_group_hold_for_all_its_data_sets(tmp_path, key, place):
+    with library("h5py").File(tmp_path / "a.h5", "w") as file:
+        file["bench/vib"], file["bench/low/amp"], file["notes"] = VIB, AMP, "text"
+        file[place].attrs[key] = 100.0
+        file.attrs["units"] = '{"bench/vib": "g", "bench/low/amp": "A"}'
+    run = open_recording(tmp_path / "a.h5", Layout(channels=["vib", "amp"], velocity=3))
+    assert dict(run.fs) == {"amp": 100, "vib": 100}
+    assert dict(run.units) == {"amp": "A", "vib": "g"}
 
 
 @pytest.mark.parametrize(
-    ("name", "reason"),
+    ("array", "reason"),
     [
-        ("nothing", "is empty"),
-        ("volume", "has 3 dimensions"),
-        ("notes", "holds no numbers, but <U"),
+        (np.zeros(0), "is empty"),
+        (np.zeros((2, 3, 4)), "has 3 dimensions"),
+        (np.array(["a", "b"]), "holds no numbers, but <U"),
+        (VIB * 1j, "is complex, as a spectrum"),
     ],
 )
-def test_an_array_that_cannot_be_a_channel_is_named_with_the_reason(name, reason, tmp_path):
-    np.savez(tmp_path / "a.npz", **NOT_READ, vib=VIB, speed=SPEED)
-    layout = Layout(channels=[name], velocity="speed", fs=2560)
-    with pytest.raises(ValueError, match=f"'{name}' {reason}"):
+def test_an_array_that_cannot_be_a_channel_is_named_with_the_reason(array, reason, tmp_path):
+    np.savez(tmp_path / "a.npz", other=array, vib=VIB)
+    layout = Layout(channels=["other"], velocity=3, fs=2560)
+    with pytest.raises(ValueError, match=f"'other' {reason}"):
         _ = open_recording(tmp_path / "a.npz", layout).channels
 
 
@@ -260,13 +147,13 @@ def test_the_fields_of_a_structured_array_are_columns_beside_dates(tmp_path):
     assert opened.start == pd.Timestamp(start)
 
 
-def test_parquet_reads_decimals(tmp_path):
-    pyarrow, parquet = library("pyarrow"), library("pyarrow.parquet")
-    hundredths = np.round(VIB, 2)
-    columns = {
-        "vib": pyarrow.array(hundredths).cast(pyarrow.decimal128(6, 2)),
-        "speed": pyarrow.array(SPEED),
-    }
-    parquet.write_table(pyarrow.table(columns), tmp_path / "a.parquet")
-    opened = open_recording(tmp_path / "a.parquet", Layout(velocity="speed", fs=2560))
-    np.testing.assert_allclose(opened.signals["vib"], hundredths, rtol=1e-15)
+def test_channels_that_start_at_different_times_are_refused(tmp_path):
+    nptdms = library("nptdms")
+    objects = [
+        nptdms.ChannelObject("g", name, VIB, {"wf_increment": 0.1, "wf_start_offset": late})
+        for name, late in (("vib", 0.0), ("speed", 2.0))
+    ]
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment(objects)
+    with pytest.raises(ValueError, match="'speed' starts 2 s later than 'vib'"):
+        _ = open_recording(tmp_path / "a.tdms", Layout(velocity="speed")).fs

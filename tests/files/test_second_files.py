@@ -150,3 +150,12 @@ def test_a_rate_of_all_columns_is_not_that_of_shorter_ones(tmp_path):
         assert open_recording(tmp_path / "a.npz", layout).duration
     layout = Layout(fs={"rpm": SLOW}, velocity="rpm", units=["rpm [rpm]"])
     assert open_recording(tmp_path / "a.npz", layout).shaft_fs == SLOW
+
+
+def test_a_second_file_in_ms_is_aligned_by_its_times(tmp_path):
+    path = write_pair(tmp_path, TIMES, (SLOW_TIMES, rpm(SLOW_TIMES)))
+    frame = pd.DataFrame({"time_ms": 1000 * SLOW_TIMES, "speed": rpm(SLOW_TIMES)})
+    frame.to_csv(tmp_path / "A_1_speed.csv", index=False)
+    found = open_recording(path, Layout(velocity=SPEED))
+    expected = rpm(np.arange(DURATION * SLOW) / SLOW) * np.pi / 30
+    np.testing.assert_allclose(found.velocity, expected, rtol=1e-9)
