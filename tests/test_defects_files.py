@@ -51,7 +51,7 @@ def inspected(path, capsys):
 def test_a_regular_gap_is_no_lower_rate(tmp_path, suffix, every):
     kept = np.arange(N) % every != every // 2
     path = write(tmp_path / f"a.{suffix}", {"vib": TONE[kept]}, TIMES[kept])
-    refused(path, f"a gap of 0.002 s after sample {every // 2 - 1} .*are missing .one of {every}.")
+    refused(path, f"a gap of 0.002 s after sample {every // 2 - 1} .* {N // every} of 6000 sam")
     recording = open_recording(path, Layout(**SPEED), resample=True)
     with pytest.warns(EmacmWarning, match="channel 'vib' was resampled .* to 1000 Hz; samples"):
         assert recording.fs["vib"] == 1000
@@ -239,7 +239,7 @@ def comma(number):
         ("0,00,0", lambda t, x: f"{comma(t)},{x.replace('.', ',')}", "commas are both decimal"),
         ("time,vib", lambda t, x: f'"{comma(t)}",{x}', "'vib' has '0.00000' at sample 0, with a d"),
         ("time;vib", lambda t, x: f"{t:.3f};1,234", "'time' has '0.000' at sample 0, with a dec"),
-        ("time,vib", lambda t, x: f"{t:.3f}", "rows have one value, as line 2 .* 'time,vib' has"),
+        ("time,vib", lambda t, x: f"{t:.3f}", "line 2 has 1 values, but the header has 2 names"),
         ("time;vib;b", lambda t, x: f"{t:.3f};{x}", "the 2 columns: the rows have 2 values"),
         ("time,vib", lambda t, x: f"01/02/2026 08:00:{t:06.3f},{x}", "day and month are not known"),
     ],
@@ -307,7 +307,7 @@ def test_a_scale_replaces_the_unit_of_the_file_and_names_a_channel(tmp_path):
     np.testing.assert_allclose(recording.signals["b"], TONE)
     assert dict(recording.units) == {"vib": "g"}
     refused(path, "scale names 'c', which is no", scale={"c": 1})
-    with pytest.raises(TypeError, match="scale must be a number"):
+    with pytest.raises(TypeError, match="scale of 'vib' must be a number"):
         Layout(scale={"vib": "10"})
 
 
@@ -339,8 +339,7 @@ def test_attributes_of_packed_hdf5_data_sets_are_applied(tmp_path, code):
             file[name].attrs.update(_FillValue=np.int16(code), scale_factor=0.01, add_offset=-5.0)
     found = opened(path, fs=1000, channels=["b"]).signals["b"]
     np.testing.assert_allclose(found, TONE[80:], atol=0.006)
-    message = "'vib' has 1 samples .* missing .*, the first is sample 77"
-    refused(path, message, fs=1000, channels=["vib"])
+    refused(path, "'vib' must be finite, got nan at sample 77", fs=1000, channels=["vib"])
 
 
 @pytest.mark.parametrize("code", [-9999, -999, 32767, -32768, 99999, 9.91e37])

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import csv
-import os
 import re
 from collections.abc import Sequence
-from io import StringIO
+from io import BytesIO
 from pathlib import Path
 from statistics import mode
 from typing import Any, NamedTuple
@@ -57,14 +56,33 @@ def read_csv(path: Path, content: FileColumns) -> None:
     RefusedFileError
         If it has no rows of numbers, or no header that belongs to them.
     """
-    n_head, longest = 200, 100_000  # lines with separator and header, and characters of each
-    encoding = _encoding(path, n_head, longest)
-    with open(path, encoding=encoding, newline=None) as file:
-        lines = [file.readline(longest + 1) for _ in range(n_head)]
-    head = [line.rstrip("\n") for line in lines if line.endswith("\n") or len(line) > longest]
-    table = text_table(head, longest=longest)
-    rows = _complete_rows(path, encoding)
-    table.add_columns(content, rows, skiprows=table.start, encoding=encoding)
+    stored = _in_utf8(path.read_bytes())
+    rows, line_end, last = stored.rpartition(b"\n")
+    if last.strip(b"\0 \t"):
+        warn(
+            "incomplete row",
+            f"{printable(path)}: its last row has no line end, so that its last number may be "
+            f"incomplete; it is left out. Copy the file again, or add a line end.",
+        )
+    lines = (rows + line_end).split(b"\n", 200)[:-1]  # the head
+    table = text_table([line.decode(errors="replace") for line in lines])
+    table.add_columns(content, BytesIO(rows + line_end), skiprows=table.start)
+
+
+def _in_utf8(stored: bytes) -> bytes:
+    """Return a text in UTF-8, UTF-16 or the code page of Western Europe in UTF-8, with "\\n"."""
+    if stored.startswith((b"\xff\xfe", b"\xfe\xff")):
+        stored = stored.decode("utf-16").encode()
+    elif b"\0" in stored[:100_000]:
+        raise RefusedFileError(
+            "it contains bytes 0: it is binary, or UTF-16 without a mark. Save it in UTF-8."
+        )
+    try:
+        stored.decode()
+    except UnicodeDecodeError:
+        stored = stored.decode("cp1252", errors="replace").encode()
+    stored = stored.removeprefix(b"\xef\xbb\xbf")
+    return stored.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
 
 
 class TextTable(NamedTuple):
@@ -175,52 +193,14 @@ def text_table(head: Sequence[str], *, longest: int = 100_000) -> TextTable:
     comma = separator in (";", "\t", "|") or any(map(_QUOTED.search, head))
     names, units, start = _header(rows, comma=comma, separator=separator)
     first = next(row for row in rows if row.number >= start)
-    if separator is None and len(names) == 1 and any(mark in names[0] for mark in _SEPARATORS):
+    header = re.split(r"[;\t,|]", names[0]) if len(names) == 1 else names
+    if len(header) > len(names) or any(first.fields[len(names) :]):  # pandas would leave these out
         raise RefusedFileError(
-            f"its rows have one value, as line {first.number + 1} {first.fields}, but its header "
-            f"{names[0]!r} has several names. Write a value for each."
-        )
-    if any(first.fields[len(names) :]):  # of which pandas would leave out what has no name
-        raise RefusedFileError(
-            f"line {first.number + 1} has {len(first.fields)} values, but there are {len(names)} "
-            f"columns. Correct the line."
+            f"line {first.number + 1} has {len(first.fields)} values, but the header has "
+            f"{len(header)} names. Write a value for each."
         )
     decimal = "," if comma and re.search(r"\d,\d", "\n".join(head[start:])) else "."
     return TextTable(names, units, separator, decimal, start, list(head[:start]))
-
-
-def _complete_rows(path: Path, encoding: str) -> Path | StringIO:
-    """Return a file, or its text without the last row if this has no line end."""
-    with open(path, "rb") as file:
-        file.seek(max(os.fstat(file.fileno()).st_size - 2, 0))
-        if file.read().strip(b"\0").endswith((b"\n", b"\r")):
-            return path
-    rows, line_end, last = path.read_text(encoding=encoding).rpartition("\n")
-    if last.strip():
-        warn(
-            "incomplete row",
-            f"{printable(path)}: its last row has no line end, so that its last number may be "
-            f"incomplete; it is left out. Copy the file again, or add a line end.",
-            stacklevel=2,
-        )
-    return StringIO(rows + line_end)
-
-
-def _encoding(path: Path, n_head: int, longest: int) -> str:
-    """Return UTF-8 or UTF-16, or the code page of Western Europe for what is not UTF-8."""
-    with open(path, "rb") as file:
-        start = b"".join(file.readline(longest) for _ in range(n_head))
-    if start.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return "utf-16"
-    if b"\0" in start:
-        raise RefusedFileError(
-            "it contains bytes 0: it is binary, or UTF-16 without a mark. Save it in UTF-8."
-        )
-    try:
-        start.decode("utf-8")
-    except UnicodeDecodeError:
-        return "cp1252"
-    return "utf-8-sig"
 
 
 def _row(number: int, line: str, separator: str | None) -> _Row:

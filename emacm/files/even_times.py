@@ -214,11 +214,8 @@ def _coarsest_decimal(times: Times, smallest: float) -> float:
 def _missing(steps: Times, long: NDArray[np.bool_], usual: float, rate: float) -> str:
     """Say how many samples are missing, and the remedy."""
     missing = int(np.rint(steps[long] / usual - 1).sum())
-    distances = np.diff(np.flatnonzero(long))
-    is_regular = len(distances) > 1 and np.ptp(distances) == 0
-    every = f" (one of {distances[0] + 1})" if is_regular else ""
-    text = f"At {1 / usual:.6g} Hz, {missing} of {len(steps) + 1 + missing} samples are missing"
-    text += f"{every}. Cut the recording there, or correct the clock"
+    text = f"At {1 / usual:.6g} Hz, {missing} of {len(steps) + 1 + missing} samples are missing. "
+    text += "Cut the recording there, or correct the clock"
     if steps.max() < 3.5 * usual:
         text += ", set resample = true to fill one or two samples"
         text += f", state fs = {rate:.6g} if only rounding makes steps longer"

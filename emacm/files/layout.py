@@ -151,13 +151,13 @@ class Layout:
             value = getattr(self, name)
             if value is not None and not is_valid(value):
                 raise TypeError(f"{name} must be {form}, got {value!r}.")
-        rates = self.fs if isinstance(self.fs, Mapping) else {"": self.fs}
-        for name, rate in rates.items():
-            if not isinstance(rate, str | None):
-                check_number(rate, f"fs of {name!r}" if name else "fs", above=0, unit="Hz")
-        for scale in self.scale.values() if isinstance(self.scale, Mapping) else [self.scale]:
-            if scale is not None:
-                check_number(scale, "scale", above=0)
+        for option in ("fs", "scale"):
+            given_numbers = getattr(self, option)
+            pairs = given_numbers if isinstance(given_numbers, Mapping) else {"": given_numbers}
+            for name, number in pairs.items():
+                if number is not None and not (option == "fs" and isinstance(number, str)):
+                    text = f"{option} of {name!r}" if name else option
+                    check_number(number, text, above=0, unit="Hz" if option == "fs" else "")
         if not isinstance(self.channels, Mapping):
             chosen_channels(self.channels, ())
         object.__setattr__(self, "units", _checked_units(self.units))

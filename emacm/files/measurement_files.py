@@ -134,16 +134,13 @@ def read_wav(path: Path, content: FileColumns) -> None:
 
 def _repair_lengths(stored: bytearray, path: Path) -> None:
     """Write the lengths of a WAV file that were never written."""
-    place, frame = 12, 1
-    while stored[place : place + 4] not in (b"data", b""):
-        if stored[place : place + 4] == b"fmt ":
-            frame = int.from_bytes(stored[place + 20 : place + 22], "little") or 1
-        length = int.from_bytes(stored[place + 4 : place + 8], "little")
-        place += 8 + length + length % 2
-    of_file, of_samples = (int.from_bytes(stored[at : at + 4], "little") for at in (4, place + 4))
+    form = stored.find(b"fmt ") + 8
+    start = stored.find(b"data", form) + 8  # of the samples
+    of_file, of_samples = (int.from_bytes(stored[end - 4 : end], "little") for end in (8, start))
     if of_samples == 0xFFFFFFFF or of_file == of_samples == 0:
-        del stored[len(stored) - (len(stored) - place - 8) % frame :]
-        stored[place + 4 : place + 8] = (len(stored) - place - 8).to_bytes(4, "little")
+        frame = int.from_bytes(stored[form + 12 : form + 14], "little") or 1  # bytes of an instant
+        del stored[len(stored) - (len(stored) - start) % frame :]
+        stored[start - 4 : start] = (len(stored) - start).to_bytes(4, "little")
         text = "does not state its length, as a recorder that was stopped leaves it"
         warn("unfinished file", f"{printable(path)}: it {text}; all {len(stored)} bytes are read.")
     if of_file in (0, 0xFFFFFFFF):
@@ -254,13 +251,10 @@ def read_hdf5(path: Path, content: FileColumns, *, separator: str = "/") -> None
                 add_array(content, name, _packed(node))
                 for column in {*content.columns, *content.numbers} - before:
                     _add_attributes(content, column, node.attrs, own=True)
-                    if {"_FillValue", "missing_value"} & node.attrs.keys():
-                        missing = np.isnan(content.columns.get(column, 0.0))
-                        _add_invalid(content, column, missing, "as missing (_FillValue)")
 
 
 def _packed(node: Any) -> Any:
-    """Return the values of an HDF5 data set by the attributes of the CF conventions."""
+    """Return the values of an HDF5 data set by the CF conventions; NaN for missing ones."""
     values, attributes = node[()], node.attrs
     if np.asarray(values).dtype.kind not in "biuf":
         return values
@@ -270,14 +264,6 @@ def _packed(node: Any) -> Any:
         if key in attributes:
             values = change(values, float(np.squeeze(attributes[key])))
     return values
-
-
-def _add_invalid(content: FileColumns, name: str, invalid: Any, how: str) -> None:
-    """Note the samples of a column that a file marks as invalid, by a mask or None."""
-    places = np.flatnonzero([] if invalid is None else invalid)
-    if len(places):
-        found = f"{len(places)} samples that the file marks {how}, the first is sample {places[0]}"
-        content.defects[name] = f"has {found}, the last {places[-1]}"
 
 
 def read_tdms(path: Path, content: FileColumns) -> None:
@@ -439,7 +425,13 @@ def read_mdf(path: Path, content: FileColumns) -> None:
             content.times[name] = times - times[0]
             if signal.unit:
                 content.units[name] = str(signal.unit)
-            _add_invalid(content, name, signal.invalidation_bits, "as invalid")
+            invalid = signal.invalidation_bits
+            if invalid is not None and np.any(invalid):
+                first, last = np.flatnonzero(invalid)[[0, -1]]
+                content.defects[name] = (
+                    f"has {np.sum(invalid)} samples that the file marks as invalid, the first is "
+                    f"sample {first}, the last {last}"
+                )
             axis, kind = signal.master_metadata or ("time", 1)
             if kind not in (0, 1):  # none, time
                 content.defects[name] = f"is no signal over time, but over {axis!r}"

@@ -194,10 +194,9 @@ def time_unit_in_name(name: str) -> str:
     Examples
     --------
     >>> time_unit_in_name("time_ms"), time_unit_in_name("seconds"), time_unit_in_name("time")
-    ('ms', 's', '')
+    ('ms', 'seconds', '')
     """
-    units = {"ms": "ms", "us": "us", "ns": "ns", "s": "s", "sec": "s", "seconds": "s"}
-    return next((units[word] for word in _words(name) if word in units), "")
+    return next((word for word in _words(name) if word in _sizes("time")), "")
 
 
 def _words(name: str) -> list[str]:

@@ -132,7 +132,7 @@ BLANK = "b,c,,,\n" + "1,2,,,\n" * 300  # more rows than are looked at for blank 
         ("b,c,\n1,2,\n3,4,\n6,7,8\n9,1,\n", "sample 2 has 8.0 in a column without a"),
         ("\tc\n1\t2\n3\t4\n", r"header \['', 'c'\] does not name the 2 columns"),
         ("1;2\n", "channel 'x0' must hold at least 2 samples"),
-        ("b,c\n1,2,5\n3,4\n6,7\n8,9\n", "line 2 has 3 values, but there are 2 columns. Correct"),
+        ("b,c\n1,2,5\n3,4\n6,7\n8,9\n", "line 2 has 3 values, but the header has 2 names"),
         ("b,c\n1.5,900\n,\n4,907\n", "nan at sample 1"),
         ("b,,c\n1,2,3\n4,5,6\n", r"header \['b', '', 'c'\] does not name the 3 columns"),
         ("time,b\n0,1\n0.5,2\nMean,3\n", "time column 'time' has 'Mean' at sample 2, not a time"),
