@@ -57,6 +57,10 @@ def read_csv(path: Path, content: FileColumns) -> None:
         If it has no rows of numbers, or no header that belongs to them.
     """
     stored = _in_utf8(path.read_bytes())
+    *head, rest = stored.split(b"\n", 200)
+    if len(rest) > 100_000 and len(head) < 200:  # a line that is too long
+        head.append(rest)
+    table = text_table([line.decode(errors="replace") for line in head])
     rows, line_end, last = stored.rpartition(b"\n")
     if last.strip(b"\0 \t"):
         warn(
@@ -64,8 +68,6 @@ def read_csv(path: Path, content: FileColumns) -> None:
             f"{printable(path)}: its last row has no line end, so that its last number may be "
             f"incomplete; it is left out. Copy the file again, or add a line end.",
         )
-    lines = (rows + line_end).split(b"\n", 200)[:-1]  # the head
-    table = text_table([line.decode(errors="replace") for line in lines])
     table.add_columns(content, BytesIO(rows + line_end), skiprows=table.start)
 
 
