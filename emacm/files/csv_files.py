@@ -163,15 +163,13 @@ class TextTable(NamedTuple):
         _add_stated_numbers(content, self.preamble)
 
 
-def text_table(head: Sequence[str], *, longest: int = 100_000) -> TextTable:
+def text_table(head: Sequence[str]) -> TextTable:
     """Find header, separator and decimals in the first lines of a text file.
 
     Parameters
     ----------
     head : sequence of str
         The lines.
-    longest : int
-        Limit of their length.
 
     Returns
     -------
@@ -183,9 +181,9 @@ def text_table(head: Sequence[str], *, longest: int = 100_000) -> TextTable:
         If there are no rows of numbers, or no header that belongs to them, or a line is longer.
     """
     for number, line in enumerate(head, 1):
-        if len(line) > longest:
+        if len(line) > 100_000:
             raise RefusedFileError(
-                f"line {number} has more than {longest} characters. Save a row for each time."
+                f"line {number} has more than 100000 characters. Save a row for each time."
             )
     filled = [(number, line) for number, line in enumerate(head) if line.strip(" \t;,|")]
     separator = next((s for s in _SEPARATORS if filled and s in filled[-1][1]), None)

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.io
+from files.written import write
 
 from emacm import EnvelopeDetector, Layout, Recording, RecordingFolder, open_recording
 from emacm.files import folder as files
@@ -30,32 +31,22 @@ def in_memory(**options):
     return Recording(SIGNALS, FS, **options)
 
 
-def write_npz(path):
-    np.savez(path, **SIGNALS, speed=SPEED)
+def written(path):
+    columns = {**SIGNALS, "speed": SPEED}
+    if path.suffix == ".mat":
+        scipy.io.savemat(path, columns)
+        return path
+    return write(path, columns)
 
 
-def write_csv(path):
-    pd.DataFrame({**SIGNALS, "speed": SPEED}).to_csv(path, index=False)
-
-
-def write_mat(path):
-    scipy.io.savemat(path, {**SIGNALS, "speed": SPEED})
-
-
-WRITERS = {"npz": write_npz, "csv": write_csv, "mat": write_mat}
-
-
-@pytest.fixture(params=sorted(WRITERS))
+@pytest.fixture(params=["csv", "mat", "npz"])
 def path(request, tmp_path):
-    path = tmp_path / f"B7_worn.{request.param}"
-    WRITERS[request.param](path)
-    return path
+    return written(tmp_path / f"B7_worn.{request.param}")
 
 
 @pytest.fixture
 def npz(tmp_path):
-    write_npz(tmp_path / "B7_worn.npz")
-    return tmp_path / "B7_worn.npz"
+    return written(tmp_path / "B7_worn.npz")
 
 
 # Equal to recordings in memory
@@ -103,15 +94,6 @@ def test_a_file_is_not_read_when_it_is_opened(npz, monkeypatch):
     assert not read
 
 
-def test_a_pickled_recording_is_smaller_than_one_kilobyte(path):
-    options = {"time": "time", "channels": {"DE": "X097_DE_time", "FE": "X097_FE_time"}}
-    layout = Layout(**options, tacho={"column": "tacho", "pulses_per_rev": 3}, meta=LAYOUT.meta)
-    assert len(pickle.dumps(open_recording(path, layout))) < 1000
-    opened = open_recording(path, LAYOUT)
-    assert opened.digest  # read
-    assert len(pickle.dumps(opened)) < 1000
-
-
 def test_a_relative_path_is_found_from_another_folder(npz, monkeypatch):
     monkeypatch.chdir(npz.parent)
     pickled = pickle.dumps([open_recording(npz.name, LAYOUT), *RecordingFolder(".", LAYOUT)])
@@ -119,16 +101,14 @@ def test_a_relative_path_is_found_from_another_folder(npz, monkeypatch):
     assert [found.digest for found in pickle.loads(pickled)] == [in_memory().digest] * 2
 
 
-@pytest.mark.parametrize("later", [SIGNALS["current"] * 2, SIGNALS["current"][:100]])
-def test_a_replaced_file_is_an_error(npz, later):
-    opened = open_recording(npz, LAYOUT)
-    np.savez(npz, vibration=later, current=later, speed=SPEED[: len(later)])
+def test_a_replaced_file_is_an_error(npz):
+    opened, later = open_recording(npz, LAYOUT), SIGNALS["current"][:100]
+    np.savez(npz, vibration=later, current=later, speed=SPEED[:100])
     os.utime(npz, ns=(1, 1))
-    with pytest.raises(ValueError, match=r"B7_worn.npz: the file was replaced or changed"):
-        assert opened.duration
-    with pytest.raises(ValueError, match="Open it again"):
-        assert opened.digest
-    assert len(open_recording(npz, LAYOUT).signals["current"]) == len(later)
+    for name in ("duration", "digest"):
+        with pytest.raises(ValueError, match=r"B7_worn.npz: the file was replaced or changed. Op"):
+            getattr(opened, name)
+    assert len(open_recording(npz, LAYOUT).signals["current"]) == 100
 
 
 def test_a_file_that_is_gone_is_an_error(npz):
@@ -147,7 +127,7 @@ def test_a_file_that_is_gone_is_an_error(npz):
 def folder(tmp_path):
     for number in range(12):
         state = ("healthy", "worn")[number % 2]
-        write_npz(tmp_path / f"U{number // 4}_{state}_{number:02d}.npz")
+        written(tmp_path / f"U{number // 4}_{state}_{number:02d}.npz")
     (tmp_path / "notes.md").write_text("not a recording")
     (tmp_path / ".hidden.npz").write_bytes(b"")
     layout = Layout(fs=FS, velocity="speed", meta="{unit}_{state}_{run:d}.npz")
