@@ -153,6 +153,7 @@ def test_times_of_few_digits_are_rounded_and_do_not_jitter(tmp_path, numbers, fs
     ("times", "fs", "message"),
     [
         (np.arange(N) / 500, 480, "not evenly spaced at 480 Hz: its mean rate is 500 Hz"),
+        (np.round(np.arange(N) / 1024, 3), 1000, "at 1000 Hz: its mean rate is 1024 Hz. Correct"),
         (np.where(np.arange(N) == 30, np.nan, np.arange(N)), None, "got nan at sample 30"),
         (np.arange(N) // 1000, None, "rounded to 1 s, which leaves the sampling rate open"),
     ],
@@ -254,6 +255,7 @@ def test_marks_that_do_not_fit_are_named_for_what_they_are(tmp_path, header, row
     [
         lambda t: f"2026-10-25  02:59:{59.5 + t:06.3f}",
         lambda t: f"25.10.2026   02:59:{59.5 + t:06.3f}",
+        lambda t: f"10/25/2026 02:59:{59.5 + t:06.3f}",
         lambda t: str(pd.Timestamp("2026-10-25T00:59:59.85Z") + pd.Timedelta(f"{t}s")),
         lambda t: (
             f"2026-10-25T02:59:{59.85 + t:06.3f}+02:00"
@@ -261,7 +263,7 @@ def test_marks_that_do_not_fit_are_named_for_what_they_are(tmp_path, header, row
             else f"2026-10-25T02:00:{t - 0.15:06.3f}+01:00"
         ),
     ],
-    ids=["blanks", "day first", "UTC", "end of summer time"],
+    ids=["blanks", "day first", "month first", "UTC", "end of summer time"],
 )
 def test_dates_with_blanks_and_changing_offsets_are_read(tmp_path, date):
     (tmp_path / "a.csv").write_text(f"time,vib\n{rows_of(lambda t, x: f'{date(t)},{x}')}")

@@ -62,7 +62,7 @@ def read_csv(path: Path, content: FileColumns) -> None:
         head.append(rest)
     table = text_table([line.decode(errors="replace") for line in head])
     rows, line_end, last = stored.rpartition(b"\n")
-    if last.strip(b"\0 \t"):
+    if last.strip():
         warn(
             "incomplete row",
             f"{printable(path)}: its last row has no line end, so that its last number may be "
@@ -75,7 +75,8 @@ def _in_utf8(stored: bytes) -> bytes:
     """Return a text in UTF-8, UTF-16 or the code page of Western Europe in UTF-8, with "\\n"."""
     if stored.startswith((b"\xff\xfe", b"\xfe\xff")):
         stored = stored.decode("utf-16").encode()
-    elif b"\0" in stored[:100_000]:
+    stored = stored.rstrip(b"\0")  # of loggers that lost their supply
+    if b"\0" in stored[:100_000]:
         raise RefusedFileError(
             "it contains bytes 0: it is binary, or UTF-16 without a mark. Save it in UTF-8."
         )

@@ -150,15 +150,21 @@ def even_times(
         marked = equal if equal.any() else long if long.any() else np.abs(steps - usual)
         place = int(np.argmax(marked))
         step = f"{steps[place]:.6g} s after sample {place} ({seconds[place]:.6g} s)"
-        if equal.any():
+        if is_even:
+            found = f" at {fs:.9g} Hz: its mean rate is {rate:.6g} Hz. Correct fs"
+        elif equal.any():
             found = f": several samples share one time, as in packets: {equal.sum()} steps are 0, "
             found += f"first that of {step}. If they were sampled evenly, their rate is "
             found += f"{rate:.6g} Hz. Give each sample its time"
         elif long.any():
-            found = f", with a gap of {step}; usual are {usual:.6g} s. "
-            found += _missing(steps, long, usual, rate)
-        elif fs not in (None, rate):
-            found = f" at {fs:.9g} Hz: its mean rate is {rate:.9g} Hz. Correct fs"
+            missing = int(np.rint(steps[long] / usual - 1).sum())
+            found = f", with a gap of {step}; usual are {usual:.6g} s. At {1 / usual:.6g} Hz, "
+            found += f"{missing} of {len(n) + missing} samples are missing. Cut the recording "
+            found += "there, or correct the clock"
+            if steps.max() < 3.5 * usual:
+                found += ", set resample = true to fill one or two samples"
+            if tick > 0.5 * usual:
+                found += f", state fs = {rate:.6g} if only rounding makes steps longer"
         else:
             found = f" at {rate:.9g} Hz: by jitter or drift, its times are {jitter:.0%} of a step "
             found += f"(rms) from even ones, with a step of {step}; usual are {usual:.6g} s. Set "
@@ -209,17 +215,6 @@ def _coarsest_decimal(times: Times, smallest: float) -> float:
         if 0.9 * unit < smallest and np.abs(multiples - np.rint(multiples)).max() < 1e-3:
             return unit
     return 0.0
-
-
-def _missing(steps: Times, long: NDArray[np.bool_], usual: float, rate: float) -> str:
-    """Say how many samples are missing, and the remedy."""
-    missing = int(np.rint(steps[long] / usual - 1).sum())
-    text = f"At {1 / usual:.6g} Hz, {missing} of {len(steps) + 1 + missing} samples are missing. "
-    text += "Cut the recording there, or correct the clock"
-    if steps.max() < 3.5 * usual:
-        text += ", set resample = true to fill one or two samples"
-        text += f", state fs = {rate:.6g} if only rounding makes steps longer"
-    return text
 
 
 def ignore_hint(name: str) -> str:

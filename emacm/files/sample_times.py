@@ -139,11 +139,14 @@ def dates_of(values: NDArray[Any], name: str) -> pd.Series:
     if values.dtype.kind != "M":
         texts = texts.astype(str).str.strip().str.replace(",", ".", regex=False)
         texts = texts.str.replace(r"\s+", " ", regex=True)
-        if re.match(r"\d\d?/\d\d?/", texts.iloc[0]):
-            raise ValueError(
-                f"time column {name!r} has {texts.iloc[0]!r}, whose day and month are not known. "
-                f"Write 2026-11-01 or 01.11.2026, or {ignore_hint(name)}."
-            )
+        if slashes := re.match(r"(\d\d?)/(\d\d?)/\d{4}\b", texts.iloc[0]):
+            if int(slashes[1]) <= 12 and int(slashes[2]) <= 12:
+                raise ValueError(
+                    f"time column {name!r} has {texts.iloc[0]!r}, whose day and month are not "
+                    f"known. Write 2026-11-01 or 01.11.2026, or {ignore_hint(name)}."
+                )
+            day_first = r"\2.\1.\3" if int(slashes[2]) > 12 else r"\1.\2.\3"
+            texts = texts.str.replace(r"^(\d+)/(\d+)/(\d{4})\b", day_first, regex=True)
         if re.match(r"\d\d?:", texts.iloc[0]):
             hours = pd.to_timedelta(texts, errors="coerce")
             midnights = (hours.diff() < pd.Timedelta(hours=-12)).cumsum()

@@ -39,7 +39,7 @@ def opened(tmp_path, text, layout=None, *, encoding="utf-8"):
         '"b [m/s²]","n [rpm]"\n"1.5","900"\n"-2.5","903.5"\n"4","907"\n',
         "b [m/s²]|n [rpm]\n1.5|900\n-2.5|903.5\n4|907\n",
         "sep=;\nb [m/s²];n [rpm]\n1,5;900\n-2,5;903,5\n4;907\n",
-        "b [m/s²],n [rpm]\r1.5,900\r-2.5,903.5\r4,907\r",
+        "b [m/s²],n [rpm]\r1.5,900\r-2.5,903.5\r4,907\r" + "\0" * 64,  # of a logger that lost power
     ],
 )
 def test_names_units_and_numbers_are_found_in_texts_of_many_programs(tmp_path, text, encoding):
