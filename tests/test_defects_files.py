@@ -250,28 +250,6 @@ def test_marks_that_do_not_fit_are_named_for_what_they_are(tmp_path, header, row
     refused(tmp_path / "a.csv", message)
 
 
-@pytest.mark.parametrize(
-    "date",
-    [
-        lambda t: f"2026-10-25  02:59:{59.5 + t:06.3f}",
-        lambda t: f"25.10.2026   02:59:{59.5 + t:06.3f}",
-        lambda t: f"10/25/2026 02:59:{59.5 + t:06.3f}",
-        lambda t: str(pd.Timestamp("2026-10-25T00:59:59.85Z") + pd.Timedelta(f"{t}s")),
-        lambda t: (
-            f"2026-10-25T02:59:{59.85 + t:06.3f}+02:00"
-            if t < 0.15
-            else f"2026-10-25T02:00:{t - 0.15:06.3f}+01:00"
-        ),
-    ],
-    ids=["blanks", "day first", "month first", "UTC", "end of summer time"],
-)
-def test_dates_with_blanks_and_changing_offsets_are_read(tmp_path, date):
-    (tmp_path / "a.csv").write_text(f"time,vib\n{rows_of(lambda t, x: f'{date(t)},{x}')}")
-    recording = opened(tmp_path / "a.csv")
-    assert recording.fs["vib"] == 1000
-    assert recording.cut(0).start.date().isoformat() == "2026-10-25"
-
-
 @pytest.mark.parametrize("name", ["time", None])
 @pytest.mark.parametrize("index", [pd.to_timedelta, lambda t, unit: pd.to_datetime(t, unit=unit)])
 def test_an_index_of_times_of_a_parquet_file_is_its_time(tmp_path, name, index):

@@ -106,7 +106,8 @@ class Layout:
         for a WAV file with a full scale of 4 g, ``{"x0": 10.0}`` for V of a sensor of 0.1 V/g.
     resample : bool
         Whether channels with uneven times (jitter, gaps of up to two samples) are resampled to an
-        even rate, by cubic splines; the error is stated. Default: they are refused.
+        even rate, by cubic splines; the error is stated. Default: they are refused, but for jitter
+        below a tenth of the sampling interval, which is stated.
     meta : str, DataFrame or mapping, optional
         Pattern of the file names, as ``"{unit}_{state}_{run:d}.mat"`` (without a suffix, it is
         matched against the name without its suffix; ``:d`` makes an integer, ``:g`` a number), or

@@ -86,19 +86,6 @@ def test_a_rate_in_the_preamble_is_that_of_the_columns(tmp_path, line, rate):
         assert dict(recording.fs) == {"b": rate, "c": rate}
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("time,b\n0,1,900\n1,2,900\n", r"header \['time', 'b'\] does not name the 3 columns"),
-        ("b,c,b\n0,1,900\n1,2,900\n", r"columns must have different names, got \['b', 'c', 'b'\]"),
-        ("b;c\ng;A\n", "has no rows of numbers"),
-    ],
-)
-def test_a_text_without_usable_columns_is_refused(tmp_path, text, message):
-    with pytest.raises(ValueError, match=message):
-        assert opened(tmp_path, text).duration
-
-
 def test_a_column_with_a_unit_of_speed_is_no_channel_unless_it_is_listed(tmp_path):
     with pytest.raises(ValueError, match=r"column 'out' is named like the motion .*= \['b'\]"):
         assert opened(tmp_path, "b,out [r/min]\n1,900\n2,901\n", Layout(fs=9, velocity=3)).duration
@@ -117,13 +104,15 @@ BLANK = "b,c,,,\n" + "1,2,,,\n" * 300  # more rows than are looked at for blank 
         ("b,c\n1,2\n3,4,5\n6,7\n8,9\n", "the 2 columns: Expected 2 fields in line 3, saw 3. Corr"),
         ("# a\n\nb,c\n1,2\n\n3,4,\n5,6\n8,9\n", "Expected 2 fields in line 6, saw 3"),
         ('b,c\n1,2\n3,"4\n5,6\n', "EOF inside string"),
+        ("time,b\n0,1,900\n1,2,900\n", r"header \['time', 'b'\] does not name the 3 columns"),
+        ("b,c,b\n0,1,900\n1,2,900\n", r"must have different names, got \['b', 'c', 'b'\]"),
+        ("b;c\ng;A\n", "has no rows of numbers"),
         (f"{BLANK}3,4,,5,\n", "sample 300 has 5.0 in a column without a name"),
         ("b,c,\n1,2,\n3,4,\n6,7,8\n9,1,\n", "sample 2 has 8.0 in a column without a"),
         ("\tc\n1\t2\n3\t4\n", r"header \['', 'c'\] does not name the 2 columns"),
         ("1;2\n", "channel 'x0' must hold at least 2 samples"),
         ("b,c\n1,2,5\n3,4\n6,7\n8,9\n", "line 2 has 3 values, but the header has 2 names"),
         ("b,c\n1.5,900\n,\n4,907\n", "nan at sample 1"),
-        ("b,,c\n1,2,3\n4,5,6\n", r"header \['b', '', 'c'\] does not name the 3 columns"),
         ("time,b\n0,1\n0.5,2\nMean,3\n", "time column 'time' has 'Mean' at sample 2, not a time"),
         ("b,c,d\n1,,3\n4,,6\n", "'c' must be finite, got nan at sample 0, and has no value at all"),
     ],
