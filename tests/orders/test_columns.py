@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from sklearn.utils import _safe_indexing
 
 from emacm import BinTransformer
 from emacm.orders.columns import (
@@ -30,11 +29,6 @@ def table(columns=COLUMNS):
 
 
 # The table
-
-
-def test_a_table_holds_its_numbers_and_its_names():
-    assert table().columns == COLUMNS
-    np.testing.assert_array_equal(table(), np.arange(12.0).reshape(4, 3))
 
 
 def test_names_that_do_not_fit_the_table_are_refused():
@@ -89,13 +83,6 @@ def test_a_choice_of_rows_keeps_the_names(rows):
     chosen = table()[rows]
     assert chosen.columns == COLUMNS
     np.testing.assert_array_equal(chosen, np.arange(12.0).reshape(4, 3)[rows])
-
-
-@pytest.mark.parametrize(
-    "rows", [[0, 2], np.array([0, 2]), np.array([True, False, True, False]), slice(0, 2)], ids=repr
-)
-def test_a_choice_of_rows_by_scikit_learn_keeps_the_names(rows):
-    assert _safe_indexing(table(), rows).columns == COLUMNS
 
 
 @pytest.mark.parametrize(
@@ -189,18 +176,6 @@ def test_names_read_back_as_the_channels_and_the_very_orders(channels, orders):
     for number, block in enumerate(blocks):
         assert block.orders.tolist() == orders
         assert block.columns == slice(number * len(orders), (number + 1) * len(orders))
-
-
-@pytest.mark.parametrize(
-    "channel", ["a@b", "a@5", "@", "x+", "x-", "5-6", "Strom µA", "電流", "two words", "a\nb"]
-)
-def test_channels_may_have_any_name(channel):
-    (block,) = parse_order_columns(order_columns([channel], [0, 0.5]))
-    assert block.channel == channel
-
-
-def test_columns_run_channel_by_channel():
-    assert order_columns(["b", "a"], [0, 0.5]) == ("b@0", "b@0.5", "a@0", "a@0.5")
 
 
 @pytest.mark.parametrize(
