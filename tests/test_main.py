@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from emacm import __version__, demo
+from emacm import __version__
 from emacm.__main__ import main
 
 ROOT = Path(__file__).parents[1]
@@ -67,16 +67,6 @@ def test_the_reproduction_receives_its_options(monkeypatch):
     monkeypatch.setattr("runpy.run_path", lambda path, run_name: received.extend(sys.argv))
     assert main(["reproduce", "--quick", "--chapter", "2"]) == 0
     assert received == [str(ROOT / "benchmarks" / "thesis"), "--quick", "--chapter", "2"]
-
-
-@pytest.mark.parametrize(
-    ("jobs", "passed"), [((), 2), (("--jobs", "-1"), -1), (("--jobs", "5"), 5)]
-)
-def test_the_number_of_jobs_is_passed_to_the_demo(jobs, passed, tmp_path, monkeypatch):
-    received = []
-    monkeypatch.setattr(demo, "simulated_demo", lambda out, n_jobs: received.append((out, n_jobs)))
-    assert main(["demo", "--out", str(tmp_path), *jobs]) == 0
-    assert received == [(tmp_path, passed)]
 
 
 def test_the_version_is_printed_under_the_name_of_the_command(capsys, monkeypatch):

@@ -9,8 +9,6 @@ from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.simulation import simulate_fleet
 
-STATES = ("healthy", "screw", "inner ring")
-
 
 def draw(seed, n_units, n_features=40):
     """Two recordings of each unit of two states, as levels in decades, 2 dB apart."""

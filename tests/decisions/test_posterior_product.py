@@ -31,9 +31,6 @@ from emacm import (
 )
 
 STATES = ["dry 1", "dry 2", "healthy", "spall"]
-FAMILIES = pd.DataFrame(
-    [[8, 8, 0, 20], [0, 0, 1, 2], [3, 3, 3, 0]], index=["fly", "grease", "change"], columns=STATES
-)
 COLUMNS = ["current@0-1", "current@1-2", "position@0-1", "position@1-2"]
 
 

@@ -122,10 +122,3 @@ def test_a_channel_that_wakes_between_the_sampled_blocks_is_not_constant():
     values = np.zeros(1_000_000)
     values[5_000] = 1.0  # blocks are 31,000 samples apart
     assert defect(values) == ""
-
-
-def test_the_sentence_gives_channel_and_value():
-    text = check_channel(np.minimum(TONE, 2.0), "current").defect.text
-    assert text == "channel 'current' is clipped at 2"
-    lost = check_channel(np.where((2 * TIMES) % 1 < 0.2, 0.0, NOISE), "current").defect.text
-    assert "channel 'current' has drop-outs: in 2" in lost

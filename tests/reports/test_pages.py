@@ -104,23 +104,6 @@ def test_lines_in_the_envelope_are_stated_whatever_the_model_decides():
     assert lines_of_envelopes(shaken, BEARING, in_amperes) == []
 
 
-def test_confidence_is_in_words():
-    found = page(bins_model(), recording("outer race", 99))
-    assert found.sentences[0].startswith("Confidence: very high. The probability")
-    assert "above 99 %" in found.sentences[0]
-    new = recording("inner race", 98)
-    found = page(bins_model(), new)
-    unknown = bins_model()[-1].unknown_proba(bins_model()[:-1].transform([new]))[0]
-    assert 0.01 < unknown < 0.05  # it stands beside the states that are known
-    assert found.sentences[0].startswith("Confidence: very high. The probability")
-    beside = f"farther; the probability of an unknown state is {100 * unknown:.0f} %"
-    assert any(text.endswith(beside) for text in found.normal)
-    text = words(found)
-    assert "nats" not in text
-    assert "1.000" not in text
-    assert "100 %" not in text
-
-
 def test_a_healthy_recording_has_nothing_raised_and_much_that_is_normal():
     found = page(bins_model(), recording("healthy", 97))
     assert (found.decision, found.kind, found.findings.rows, found.first) == (
