@@ -40,12 +40,6 @@ def test_invalid_arguments_are_found_before_libraries_are_imported(arguments):
     assert (found.returncode, found.stderr.count("\n")) == (2, 1), found.stderr
 
 
-def test_a_folder_that_is_a_file_is_one_line_and_exit_code_2(tmp_path, capsys):
-    (tmp_path / "taken").write_text("")
-    assert main(["demo", "--out", str(tmp_path / "taken")]) == 2
-    assert "taken" in capsys.readouterr().err
-
-
 def test_without_matplotlib_the_extra_is_named(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["demo", "--out", str(tmp_path)]) == 2

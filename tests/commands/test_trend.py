@@ -42,18 +42,6 @@ def run(*arguments):
     return main(["trend", "healthy", "nights", *fixed, "--false-alarm", "0.1", *arguments])
 
 
-def test_alarms_and_failed_files_have_their_exit_status(here, capsys):
-    assert run("--out", "trend.csv", "--fail-on-alarm") == 1
-    printed = capsys.readouterr().out
-    assert "press: " in printed
-    assert "ALARM" in printed
-    assert "Table: trend.csv" in printed
-    write(Path("nights/press_9.npz"), 1, n=40)
-    assert run("--out", "trend.csv") == 3
-    table = pd.read_csv("trend.csv", keep_default_na=False)
-    assert "no stroke holds" in table["error"].iloc[-1]
-
-
 def test_indicators_of_a_sine_stand_beside_the_index(here, capsys):
     text = LAYOUT.replace("fs = 1000", "fs = 2000") + 'vib = "m/s2"\n'
     Path("layout.toml").write_text(text)
