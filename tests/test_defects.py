@@ -361,11 +361,11 @@ def test_rows_of_slow_files_are_written_one_by_one(scored, monkeypatch):
 @pytest.mark.slow
 def test_pages_that_were_written_before_a_kill_are_kept(scored, monkeypatch):
     pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
-    measure(*map("{}.csv".format, range(10, 15)))
+    measure(*map("{}.csv".format, range(10, 19)))
     pages, original = Path("../pages"), maintenance.page_of
 
     def killed(settings, source, name, *others):
-        if name == "14.csv":
+        if name == "18.csv":
             raise KeyboardInterrupt
         return original(settings, source, name, *others)
 
@@ -376,7 +376,7 @@ def test_pages_that_were_written_before_a_kill_are_kept(scored, monkeypatch):
     monkeypatch.setattr(maintenance, "page_of", original)
     assert scored(".", "--out", "rows.csv", "--report", pages)[2] == []
     found = {path.name: path.stat().st_mtime_ns for path in pages.glob("1*.html")}
-    assert (len(written), found) == (4, written | {"14.html": found["14.html"]})
+    assert (len(written), found) == (8, written | {"18.html": found["18.html"]})
 
 
 def test_a_full_disk_is_named_with_the_table_or_the_page_and_nothing_is_left(scored, tmp_path):
