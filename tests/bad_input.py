@@ -1,8 +1,5 @@
 """Recordings and tables for tests of bad input, and what the error of each must say."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -74,13 +71,3 @@ def check_refused(case):
         case.call()
     message = str(caught.value)
     assert not [word for word in case.words if word not in message], message
-
-
-def check_it_ends(code):
-    """Run code that takes a moment, or for ever; the time limit is no measurement."""
-    start = "import numpy as np\nfrom emacm import *\nrng = np.random.default_rng(0)\n"
-    end = "\nassert np.isfinite(result).all().all()"
-    done = subprocess.run(
-        [sys.executable, "-c", start + code + end], capture_output=True, text=True, timeout=60
-    )
-    assert done.returncode == 0, done.stderr

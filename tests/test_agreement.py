@@ -124,7 +124,7 @@ FORMS = {
 
 
 def readings(families):
-    """How three functions read families: the family of each of Y_LATER; or the error."""
+    """How three functions read families: the family of each of Y_LATER."""
     truths = np.array(Y_LATER)
 
     def by_cost():
@@ -138,13 +138,7 @@ def readings(families):
     def by_labels():
         return as_families(truths, families).tolist()
 
-    found = []
-    for reading in (by_cost, by_evaluation, by_labels):
-        try:
-            found.append(reading())
-        except (TypeError, ValueError) as error:
-            found.append(error)
-    return found
+    return by_cost(), by_evaluation(), by_labels()
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -154,25 +148,6 @@ def test_every_form_of_families_is_read_alike_by_all(form):
     assert by_cost == [[family] for family in expected]
     assert by_evaluation == expected
     assert by_labels == expected
-
-
-AMBIGUOUS = {
-    "a list beside a name": {"stop": ["spall", "worn"], "grease": "dry", "fly": "new"},
-    "a state in two families": {"stop": ["spall", "worn"], "go": ["worn", "dry", "new"]},
-    "a family that is a state of another": {"dry": ["spall", "worn"], "new": ["dry", "new"]},
-    "a family without states": FAMILIES | {"none": []},
-    "no family": {},
-    "no mapping": ["spall", "worn", "dry", "new"],
-}
-
-
-@pytest.mark.parametrize("case", AMBIGUOUS)
-def test_ambiguous_families_are_refused_alike_by_all(case):
-    errors = readings(AMBIGUOUS[case])
-    assert all(isinstance(error, TypeError | ValueError) for error in errors), errors
-    messages = {(type(error), str(error)) for error in errors}
-    assert len(messages) == 1
-    assert "famil" in str(errors[0])
 
 
 # What is decided

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from emacm import __version__, demo
+from emacm import __version__
 from emacm.__main__ import main
 
 ROOT = Path(__file__).parents[1]
@@ -40,12 +40,6 @@ def test_invalid_arguments_are_found_before_libraries_are_imported(arguments):
     assert (found.returncode, found.stderr.count("\n")) == (2, 1), found.stderr
 
 
-def test_a_folder_that_is_a_file_is_one_line_and_exit_code_2(tmp_path, capsys):
-    (tmp_path / "taken").write_text("")
-    assert main(["demo", "--out", str(tmp_path / "taken")]) == 2
-    assert "taken" in capsys.readouterr().err
-
-
 def test_without_matplotlib_the_extra_is_named(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["demo", "--out", str(tmp_path)]) == 2
@@ -67,16 +61,6 @@ def test_the_reproduction_receives_its_options(monkeypatch):
     monkeypatch.setattr("runpy.run_path", lambda path, run_name: received.extend(sys.argv))
     assert main(["reproduce", "--quick", "--chapter", "2"]) == 0
     assert received == [str(ROOT / "benchmarks" / "thesis"), "--quick", "--chapter", "2"]
-
-
-@pytest.mark.parametrize(
-    ("jobs", "passed"), [((), 2), (("--jobs", "-1"), -1), (("--jobs", "5"), 5)]
-)
-def test_the_number_of_jobs_is_passed_to_the_demo(jobs, passed, tmp_path, monkeypatch):
-    received = []
-    monkeypatch.setattr(demo, "simulated_demo", lambda out, n_jobs: received.append((out, n_jobs)))
-    assert main(["demo", "--out", str(tmp_path), *jobs]) == 0
-    assert received == [(tmp_path, passed)]
 
 
 def test_the_version_is_printed_under_the_name_of_the_command(capsys, monkeypatch):

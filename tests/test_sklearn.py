@@ -5,11 +5,9 @@ import numpy as np
 import pandas as pd
 import polars as pl
 import pytest
-from sklearn.calibration import CalibratedClassifierCV
-from sklearn.compose import ColumnTransformer, make_column_selector
 from sklearn.decomposition import PCA
 from sklearn.exceptions import NotFittedError
-from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
+from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
@@ -157,28 +155,6 @@ def test_output_as_a_frame_changes_no_number_and_has_exact_names(fleet, fitted, 
     )
 
 
-def test_the_pipeline_calibrates(fleet):
-    X, y, _ = fleet
-    probability = CalibratedClassifierCV(monitoring(), cv=2).fit(X, y).predict_proba(X[:3])
-    np.testing.assert_allclose(probability.sum(axis=1), 1)
-
-
-def test_the_pipeline_is_cross_validated_by_unit(fleet):
-    X, y, groups = fleet
-    scores = cross_validate(
-        monitoring(),
-        X,
-        y,
-        groups=groups,
-        cv=GroupKFold(3),
-        scoring={"cost": neg_expected_cost, "accuracy": "accuracy"},
-        error_score="raise",
-        return_estimator=True,
-    )
-    assert np.isfinite(scores["test_cost"]).all()
-    assert scores["test_accuracy"].mean() > 0.8
-
-
 # Caches
 
 
@@ -259,23 +235,6 @@ def test_bins_refuse_another_axis_than_that_of_fit(fleet, other, container):
 
 
 # Beside other features
-
-
-def test_order_columns_are_chosen_by_name_beside_others(spectra):
-    frame = pd.DataFrame(np.asarray(spectra), columns=list(spectra.columns))
-    frame["temperature"] = np.arange(len(frame), dtype=float)
-    beside = ColumnTransformer(
-        [
-            ("bins", BinTransformer(max_order=12), make_column_selector(pattern="^current@")),
-            ("rest", "passthrough", ["temperature"]),
-        ],
-        verbose_feature_names_out=False,
-    ).set_output(transform="pandas")
-    result = beside.fit_transform(frame)
-    assert list(result.columns) == [f"current@{k}-{k + 1}" for k in range(12)] + ["temperature"]
-    np.testing.assert_array_equal(
-        result.iloc[:, :12], BinTransformer(max_order=12).fit_transform(spectra)[:, :12]
-    )
 
 
 # An axis that was lost, and state of an earlier fit

@@ -16,8 +16,8 @@ def test_the_faults_of_the_example_are_found_and_its_healthy_runs_are_not(tmp_pa
     bearing = read_parts(folder / "parts.toml")
     assert bearing == [bearing_of("6205")]
     layout = Layout(velocity="speed", meta="{unit}_{state}_{run:d}")
-    every_second_unit = list(RecordingFolder(folder / "bench", layout))[::6]  # a run of each
-    runs = [*every_second_unit, *RecordingFolder(folder / "new", layout)]
+    every_fourth_unit = list(RecordingFolder(folder / "bench", layout))[::12]  # a run of each
+    runs = [*every_fourth_unit, *RecordingFolder(folder / "new", layout)]
     kinds = {"healthy": "none", "outer": "BPFO", "inner": "BPFI"}
     named = find_faults(runs, bearing)["named"].tolist()
     assert named == [kinds[run.meta["state"]] for run in runs]

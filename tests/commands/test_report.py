@@ -144,13 +144,6 @@ def test_without_a_key_the_time_is_that_of_the_file(here):
     assert set(re.findall(r"(\d{4}-\d\d-\d\d \d\d:\d\d) UTC", fleet)) <= dates
 
 
-@pytest.mark.slow
-def test_a_picture_says_that_bars_are_bands_and_not_the_lines_of_the_table(here):
-    assert run("report", "--out", "all.html") == 0
-    html = Path("all.html").read_text(encoding="utf-8")
-    assert "deviations of whole order bands from healthy" in html
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

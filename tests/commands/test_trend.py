@@ -42,36 +42,6 @@ def run(*arguments):
     return main(["trend", "healthy", "nights", *fixed, "--false-alarm", "0.1", *arguments])
 
 
-def test_a_folder_of_every_night_gives_a_trend_per_unit(here, capsys):
-    assert run() == 0
-    table = pd.read_csv(io.StringIO(capsys.readouterr().out))
-    assert table["unit"].tolist() == 4 * ["axis"] + 4 * ["press"]
-    assert table["time"].tolist() == [0, 1, 2, 3, 0, 1, 2, 3]
-    assert table["index"][4:].is_monotonic_increasing
-    assert table["alarm"].tolist()[-2:] == [True, True]
-    assert set(table["baseline"]) == {"unit"}
-    assert table["recording"][7].endswith("press_3.npz")
-
-
-def test_alarms_and_failed_files_have_their_exit_status(here, capsys):
-    assert run("--out", "trend.csv", "--fail-on-alarm") == 1
-    printed = capsys.readouterr().out
-    assert "press: " in printed
-    assert "ALARM" in printed
-    assert "Table: trend.csv" in printed
-    write(Path("nights/press_9.npz"), 1, n=40)
-    assert run("--out", "trend.csv") == 3
-    table = pd.read_csv("trend.csv", keep_default_na=False)
-    assert "no stroke holds" in table["error"].iloc[-1]
-
-
-def test_few_runs_have_a_limit_whose_assumption_is_stated(here, capsys):
-    assert run("--false-alarm", "0.01", "--out", "trend.csv") == 0
-    printed = capsys.readouterr().out
-    assert "1.0% of healthy recordings exceed it, if the logarithm of the index is norm" in printed
-    assert "12 healthy groups cannot show this rate, 99 are needed" in printed
-
-
 def test_indicators_of_a_sine_stand_beside_the_index(here, capsys):
     text = LAYOUT.replace("fs = 1000", "fs = 2000") + 'vib = "m/s2"\n'
     Path("layout.toml").write_text(text)

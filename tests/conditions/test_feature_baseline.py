@@ -5,10 +5,8 @@ import pandas as pd
 import polars as pl
 import pytest
 from sklearn.base import BaseEstimator
-from sklearn.exceptions import NotFittedError
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
-from sklearn.utils import get_tags
 from strokes_under_load import THETA_S, made_fleet
 
 from emacm import (
@@ -18,7 +16,6 @@ from emacm import (
     OrderResampler,
     Recording,
     RecordingStatistics,
-    SignalBaseline,
 )
 from emacm.orders.columns import OrderTable
 
@@ -111,19 +108,6 @@ def test_each_condition_has_its_own_mean():
     assert model.means_[20][1] == pytest.approx(3)
     assert model.means_[40][1] == pytest.approx(4.4)
     assert model.transform(runs)[3, 1] == pytest.approx(1)
-
-
-@pytest.mark.parametrize("kind", [SignalBaseline(), FeatureBaseline(Levels())])
-def test_labels_are_required(kind):
-    assert get_tags(kind).target_tags.required
-    assert not get_tags(kind).input_tags.two_d_array
-
-
-@pytest.mark.parametrize("method", ["transform", "get_feature_names_out"])
-def test_nothing_is_subtracted_before_the_fit(method):
-    for kind in (FeatureBaseline(Levels()), SignalBaseline()):
-        with pytest.raises(NotFittedError):
-            getattr(kind, method)([constant(20)])
 
 
 def test_a_baseline_of_another_sampling_rate_is_refused():

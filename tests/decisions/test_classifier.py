@@ -1,9 +1,7 @@
 """Facts about the classifier of least risk and its scorer."""
 
-import pickle
 from itertools import pairwise
 
-import joblib
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,17 +10,11 @@ from hypothesis import strategies as st
 from scipy.special import softmax
 from scipy.stats import multivariate_normal
 from sklearn.base import clone
-from sklearn.calibration import CalibratedClassifierCV
 from sklearn.discriminant_analysis import (
     LinearDiscriminantAnalysis,
     QuadraticDiscriminantAnalysis,
 )
-from sklearn.ensemble import AdaBoostClassifier
 from sklearn.metrics import make_scorer
-from sklearn.model_selection import (
-    GridSearchCV,
-    cross_val_score,
-)
 from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -34,11 +26,7 @@ from emacm.decisions.metrics import expected_cost, neg_expected_cost
 NAMES = np.array(["ball", "healthy", "screw"])
 COST = np.array([[0.0, 8.0, 3.0], [20.0, 0.0, 40.0], [5.0, 6.0, 0.0]])
 INSPECT = {("inspect", name): 0.2 for name in NAMES}
-CHOICES = [
-    (covariance, shrinkage)
-    for covariance in ("full", "tied", "diag")
-    for shrinkage in (None, 0.2, "oas")
-]
+CHOICES = [("full", None), ("full", "oas"), ("tied", 0.2), ("tied", "oas"), ("diag", None)]
 
 
 def draw(seed=0, n_recordings=90, n_features=3, spread=1.0):
@@ -77,33 +65,6 @@ def assert_same_model(first, second, X):
 @parametrize_with_checks([CostSensitiveGaussianBayes()])
 def test_every_check_of_scikit_learn_passes(estimator, check):
     check(estimator)
-
-
-@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
-def test_a_saved_model_decides_the_same(covariance, tmp_path):
-    X, y = draw()
-    model = CostSensitiveGaussianBayes(INSPECT, covariance=covariance).fit(X, y)
-    joblib.dump(model, tmp_path / "model.joblib")
-    for copy in (pickle.loads(pickle.dumps(model)), joblib.load(tmp_path / "model.joblib")):
-        np.testing.assert_array_equal(copy.predict(X), model.predict(X))
-        np.testing.assert_array_equal(copy.partial_fit(X, y).means_, model.means_)
-
-
-@pytest.mark.slow
-def test_it_calibrates_and_searches():
-    X, y = draw()
-    calibrated = CalibratedClassifierCV(CostSensitiveGaussianBayes(INSPECT), cv=3).fit(X, y)
-    np.testing.assert_allclose(calibrated.predict_proba(X).sum(axis=1), 1)
-    grid = {
-        "costsensitivegaussianbayes__covariance": ["full", "tied", "diag"],
-        "costsensitivegaussianbayes__shrinkage": [None, 0, 0.1, "oas", "auto"],
-    }
-    pipe = make_pipeline(StandardScaler(), CostSensitiveGaussianBayes(COST))
-    search = GridSearchCV(pipe, grid, scoring=neg_expected_cost, cv=3, error_score="raise")
-    search.fit(X, y)
-    assert search.best_score_ == max(search.cv_results_["mean_test_score"])
-    best = expected_cost(y, search.predict(X), cost=COST, labels=NAMES)
-    assert neg_expected_cost(search, X, y) == pytest.approx(-best)
 
 
 # Agreement with independent implementations
@@ -150,31 +111,6 @@ def test_diagonal_covariances_agree_with_naive_bayes():
 # Decisions
 
 
-def test_expensive_missed_detections_become_rarer_and_false_alarms_more_frequent():
-    # The example of section 2.2.1, with rows as decisions (Eqs. 2.47, 2.48).
-    rng = np.random.default_rng(2013)
-    X = np.r_[rng.normal([0, 0], 1, (1000, 2)), rng.normal([3.2, 3.2], 1, (1000, 2))]
-    y = np.repeat(["w1", "w2"], 1000)
-    errors = {}
-    for price in (1, 10):
-        model = CostSensitiveGaussianBayes([[0, price], [1, 0]], priors="uniform").fit(X, y)
-        decision = model.predict(X)
-        errors[price] = (
-            int(np.sum((decision == "w1") & (y == "w2"))),
-            int(np.sum((decision == "w2") & (y == "w1"))),
-        )
-    missed, false_alarms = zip(errors[1], errors[10], strict=True)
-    assert missed[1] < missed[0] / 2
-    assert false_alarms[1] > 2 * false_alarms[0]
-
-
-costs = st.lists(st.integers(-30, 30), min_size=12, max_size=12).map(
-    lambda values: pd.DataFrame(
-        np.reshape(values, (4, 3)) / 10.0, index=[*NAMES, "inspect"], columns=NAMES
-    )
-)
-
-
 def test_inspection_is_chosen_exactly_where_its_risk_is_least():
     X, y = draw(11)
     model = CostSensitiveGaussianBayes(INSPECT).fit(X, y)
@@ -183,41 +119,6 @@ def test_inspection_is_chosen_exactly_where_its_risk_is_least():
     # 0-1 cost: the risk of a class is what its posterior lacks to 1.
     np.testing.assert_array_equal(inspected, model.predict_proba(X).max(axis=1) < 0.8)
     assert 0 < inspected.sum() < len(X)
-
-
-STATES = ["backlash 1", "backlash 2", "dry 1", "dry 2", "healthy"]
-FAMILY = {state: state.split()[0] for state in STATES}
-FAMILIES = pd.DataFrame(
-    [[10.0 * (family != FAMILY[state]) for state in STATES] for family in ("healthy", "dry")]
-    + [[0, 0, 3, 3, 3]],
-    index=["healthy", "dry", "backlash"],
-    columns=STATES,
-)
-
-
-def states(seed, n_each=12):
-    """Recordings of sub-states that lie apart, and which they are."""
-    rng = np.random.default_rng(seed)
-    y = np.repeat(STATES, n_each)
-    centres = np.repeat(2 * rng.normal(size=(len(STATES), 3)), n_each, axis=0)
-    return centres + rng.normal(size=(len(y), 3)), y
-
-
-def by_hand(decided, y):
-    """Cost of each decision, and whether it is the family of the truth."""
-    rows, columns = FAMILIES.index.get_indexer(decided), FAMILIES.columns.get_indexer(y)
-    return FAMILIES.to_numpy()[rows, columns], decided == np.array([FAMILY[k] for k in y])
-
-
-def test_a_decision_on_the_family_of_a_state_is_correct():
-    X, y = states(30)
-    model = CostSensitiveGaussianBayes(FAMILIES, covariance="tied").fit(X, y)
-    _, right = by_hand(model.predict(X), y)
-    assert 0.5 < right.mean() < 1
-    assert model.score(X, y) == right.mean()
-    weight = np.arange(len(y))
-    assert model.score(X, y, weight) == pytest.approx(np.average(right, weights=weight))
-    assert model.score(X, [FAMILY[k] for k in y]) == right.mean()
 
 
 @pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
@@ -357,24 +258,11 @@ def test_a_class_without_weight_is_refused():
         CostSensitiveGaussianBayes().fit(X, y, np.where(y == "screw", 0.0, 1.0))
 
 
-@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
-def test_weights_that_count_less_than_two_recordings_are_refused(covariance):
-    X, y = draw()
-    with pytest.raises(ValueError, match=r"total weight of \[.*Multiply the weights"):
-        CostSensitiveGaussianBayes(covariance=covariance).fit(X, y, np.full(90, 1 / 45))
-
-
 @pytest.mark.parametrize("shrinkage", [None, 0.2, "oas", "auto"])
 def test_weights_whose_sum_is_one_are_relative(shrinkage):
     X, y = draw()
     model = CostSensitiveGaussianBayes(shrinkage=shrinkage).fit(X, y, np.full(90, 1 / 90))
     assert_same_model(model, clone(model).fit(X, y), X)
-
-
-def test_it_can_be_boosted():
-    X, y = draw(13)
-    boosted = AdaBoostClassifier(CostSensitiveGaussianBayes(), n_estimators=5).fit(X, y)
-    assert boosted.score(X, y) > 0.6
 
 
 # Singular covariances
@@ -468,16 +356,6 @@ def test_parameters_out_of_range_are_refused(options, error, message):
     if "cost" not in options:
         with pytest.raises(error, match=message):
             CostSensitiveGaussianBayes(**options).partial_fit(*draw(), NAMES)
-
-
-def test_the_scorer_takes_the_cost_of_the_classifier():
-    X, y = draw(23)
-    model = CostSensitiveGaussianBayes(INSPECT).fit(X, y)
-    expected = -expected_cost(y, model.predict(X), cost=INSPECT)
-    assert neg_expected_cost(model, X, y) == expected
-    pipe = make_pipeline(make_pipeline(StandardScaler(), CostSensitiveGaussianBayes(INSPECT)))
-    assert neg_expected_cost(pipe.fit(X, y), X, list(y)) == expected
-    assert cross_val_score(pipe, X, y, scoring=neg_expected_cost, cv=3).max() < 0
 
 
 def test_for_a_classifier_without_a_cost_the_message_names_make_scorer():

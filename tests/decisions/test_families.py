@@ -80,13 +80,6 @@ def test_a_single_cost_takes_precedence_over_that_of_all_missed_detections():
     assert frame.loc["normal"].tolist() == [0, 10, 10, 50]
 
 
-def test_a_classifier_trained_on_states_decides_on_families(states):
-    X, y = states
-    model = CostSensitiveGaussianBayes(family_costs(FAMILIES), covariance="tied").fit(X, y)
-    answers = model.predict([[0.0], [4.0], [8.0], [20.0]])
-    assert answers.tolist() == ["spalling", "normal", "spalling", "backlash"]
-
-
 def test_training_on_states_beats_training_on_families_that_are_not_gaussian(states):
     X, y = states
     families = as_families(y, FAMILIES)

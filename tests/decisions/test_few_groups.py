@@ -9,8 +9,6 @@ from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.simulation import simulate_fleet
 
-STATES = ("healthy", "screw", "inner ring")
-
 
 def draw(seed, n_units, n_features=40):
     """Two recordings of each unit of two states, as levels in decades, 2 dB apart."""
@@ -33,7 +31,7 @@ def fitted(X, y, units):
 # With three or four units of each state a line in one bin is missed now and then. From five on,
 # several units are left out at once, which is as if fewer had been recorded.
 @pytest.mark.slow
-@pytest.mark.parametrize(("n_units", "least"), [(3, 0.7), (4, 0.9), (6, 0.95), (10, 0.99)])
+@pytest.mark.parametrize(("n_units", "least"), [(3, 0.7), (4, 0.9), (10, 0.99)])
 def test_few_units_are_enough_to_refuse_what_is_far_and_to_accept_the_next_unit(n_units, least):
     accepted, refused = [], []
     for seed in range(20):

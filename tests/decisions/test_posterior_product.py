@@ -9,9 +9,6 @@ from sklearn.base import clone
 from sklearn.calibration import CalibratedClassifierCV
 from sklearn.compose import make_column_selector, make_column_transformer
 from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
-from sklearn.ensemble import (
-    VotingClassifier,
-)
 from sklearn.linear_model import LogisticRegression, RidgeClassifier
 from sklearn.model_selection import (
     GridSearchCV,
@@ -34,9 +31,6 @@ from emacm import (
 )
 
 STATES = ["dry 1", "dry 2", "healthy", "spall"]
-FAMILIES = pd.DataFrame(
-    [[8, 8, 0, 20], [0, 0, 1, 2], [3, 3, 3, 0]], index=["fly", "grease", "change"], columns=STATES
-)
 COLUMNS = ["current@0-1", "current@1-2", "position@0-1", "position@1-2"]
 
 
@@ -133,26 +127,7 @@ def test_a_member_that_cannot_know_a_class_is_refused():
 # Decisions
 
 
-def test_decisions_are_those_of_least_risk():
-    X, y = table(9)
-    fused = product(cost=FAMILIES).fit(X, y)
-    assert fused.decisions_.tolist() == ["fly", "grease", "change"]
-    risk = fused.predict_proba(X) @ FAMILIES.to_numpy().T
-    np.testing.assert_allclose(fused.risk(X), risk, rtol=1e-12)
-    np.testing.assert_array_equal(fused.predict(X), fused.decisions_[risk.argmin(axis=1)])
-    assert set(fused.predict(X)) == {"fly", "grease", "change"}
-
-
 # Composition
-
-
-def test_parameters_of_members_are_those_of_voting():
-    members = product().estimators
-    names = set(VotingClassifier(members).get_params())
-    names -= {"voting", "flatten_transform", "verbose", "weights", "n_jobs"}
-    assert set(PosteriorProduct(members).get_params()) - {"priors", "cost"} == names
-    odd = PosteriorProduct([("a", "drop"), ("b", GaussianNB())]).get_params()
-    assert (odd["a"], odd["b__priors"]) == ("drop", None)
 
 
 def test_members_and_their_parameters_are_set_by_name():
@@ -162,16 +137,6 @@ def test_members_and_their_parameters_are_set_by_name():
     assert fused.estimators[1][1][-1].shrinkage == 0.5
     with pytest.raises(ValueError, match="Invalid parameter 'vibration'"):
         fused.set_params(vibration=GaussianNB())
-
-
-def test_a_search_chooses_parameters_of_members():
-    X, y = table(13)
-    members = [("a", seeing("current", GaussianNB())), ("b", seeing("position", GaussianNB()))]
-    grid = {"a__gaussiannb__var_smoothing": [1e-9, 1e3]}
-    search = GridSearchCV(
-        PosteriorProduct(members), grid, scoring="neg_log_loss", cv=3, error_score="raise"
-    )
-    assert search.fit(X, y).best_params_ == {"a__gaussiannb__var_smoothing": 1e-9}
 
 
 # Recordings

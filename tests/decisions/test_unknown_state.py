@@ -5,11 +5,9 @@ import pandas as pd
 import pytest
 from sklearn.base import clone
 
-from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.costs import cost_table
 from emacm.decisions.least_risk import LeastRiskClassifier
-from emacm.decisions.metrics import neg_expected_cost
 from emacm.decisions.new_units import NewUnitClassifier
 from emacm.decisions.posterior_product import PosteriorProduct
 from emacm.decisions.truths import truth_labels, truth_priors
@@ -18,7 +16,7 @@ NAMES = np.array(["worn", "healthy", "dry"])
 PLACES = np.array([[6.0, 0, 0, 1], [0, 0, 0, 0], [0, 5.0, 1, 0]])
 CLASSES = np.array(["dry", "healthy", "worn"])
 FAR = np.array([[300.0, -40, 7, 9]])
-KINDS = [("full", 0.1), ("tied", "auto"), ("tied", None), ("diag", None), ("full", "auto")]
+KINDS = [("tied", "auto"), ("diag", None), ("full", 0.1)]
 
 
 def draw(seed, n_units=7, n_runs=3):
@@ -201,26 +199,6 @@ def test_priors_may_contain_the_unknown_state():
 
 
 # Compositions
-
-
-def test_a_router_splits_groups_by_condition():
-    X, y, units = draw(8, n_units=10)
-    table = pd.DataFrame(X, columns=list("abcd")).assign(load=np.tile([20, -40], len(X))[: len(X)])
-    router = ConditionRouter(clone(fitted()), "load").fit(table, y, groups=units)
-    for load, model in router.estimators_.items():
-        here = (table["load"] == load).to_numpy()
-        alone = clone(fitted()).fit(table[here].drop(columns="load"), y[here], groups=units[here])
-        part = table[here].drop(columns="load")
-        np.testing.assert_array_equal(model.typicality(part), alone.typicality(part))
-    far = pd.DataFrame(FAR, columns=list("abcd")).assign(load=-40)
-    assert router.predict(far) == ["unknown"]
-    assert router.decisions_.tolist() == ["dry", "healthy", "worn", "unknown"]
-    assert router.risk(far).shape == (1, 4)
-    assert router.score(table, y) > 0.8
-    assert neg_expected_cost(router, table, y) > -0.2
-    assert router.unknown_proba(far) > 0.9
-    assert router.typicality(far) < 1e-3
-    assert not hasattr(ConditionRouter(CostSensitiveGaussianBayes(), "load"), "unknown_proba")
 
 
 # Fitting

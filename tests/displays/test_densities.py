@@ -24,14 +24,3 @@ def test_every_point_of_an_ellipse_has_the_same_density(covariance, ax):
         at_mean = model.predict_joint_log_proba(model.means_)[number, number]
         # exp(-r²/2) = 1 - share, so that is how far the density has fallen.
         assert np.allclose(on_line, at_mean + np.log(0.1))
-
-
-def test_an_ellipse_holds_its_share_of_the_recordings(ax):
-    X, y = two_classes()
-    model = CostSensitiveGaussianBayes().fit(X, y)
-    FeatureDensityDisplay.from_estimator(model, X, y, shares=(0.5, 0.95), ax=ax)
-    for line, share, of_class in zip(
-        ax.lines[:4], [0.5, 0.95] * 2, ["healthy"] * 2 + ["worn"] * 2, strict=True
-    ):
-        inside = line.get_path().contains_points(X[y == of_class])
-        assert abs(inside.mean() - share) < 0.02

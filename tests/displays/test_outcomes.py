@@ -34,11 +34,6 @@ def test_a_decision_that_is_no_class_is_an_inspection_of_healthy_and_faulty_unit
     assert counts.loc["all recordings"].to_dict() == none | expected
 
 
-def test_a_fault_that_is_called_healthy_is_missed_even_without_healthy_units():
-    counts = counted([WORN, WORN, SPALLED], [HEALTHY, WORN, HEALTHY], ax=axes()).counts
-    assert counts.loc["all recordings", ["correct", "missed detection"]].tolist() == [1, 2]
-
-
 def test_bars_are_the_shares_of_each_condition_in_per_cent():
     (ax,) = axes()
     truths = [HEALTHY] * 4 + [WORN] * 4

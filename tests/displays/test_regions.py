@@ -9,22 +9,6 @@ from emacm.displays import DecisionRegionsDisplay
 from emacm.displays.drawing import tint
 
 
-def test_regions_are_what_the_classifier_decides(ax):
-    rng = np.random.default_rng(0)
-    points = np.concatenate([rng.normal(-2, 1, (50, 2)), rng.normal(2, 1, (50, 2))])
-    truths = np.repeat(["healthy", "worn"], 50)
-    cost = {("inspect", "healthy"): 0.1, ("inspect", "worn"): 0.1}
-    model = CostSensitiveGaussianBayes(cost).fit(points, truths)
-    display = DecisionRegionsDisplay.from_estimator(model, points, truths, n_grid=40, ax=ax)
-    corner = [[display.first[0], display.second[0]]]
-    assert display.decisions[display.regions[0, 0]] == model.predict(corner)[0] == "healthy"
-    assert set(display.regions.ravel()) == {0, 1, 2}
-    assert (display.frame()["true"] == truths).all()
-    labels = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert labels == ["healthy", "worn", "inspect"]
-    assert ax.get_legend().get_title().get_text() == "area: decision, marker: true state"
-
-
 def areas(ax):
     """Return the filled areas, in the order of the decisions."""
     return [drawn for drawn in ax.collections if getattr(drawn, "filled", False)]

@@ -1,13 +1,11 @@
 """Evaluations of several sensors are compared by paired differences."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 from sklearn.naive_bayes import GaussianNB
-from sklearn.neighbors import KNeighborsClassifier
 from sklearn.svm import LinearSVC
 
 from emacm import CostSensitiveGaussianBayes, evaluate
@@ -144,22 +142,6 @@ def test_figures_of_merit_that_one_of_two_lacks_are_left_out():
     assert "log_loss" not in comparison.differences
     assert np.isnan(comparison.table.loc["2", "log_loss"])
     assert comparison.summary().loc["2", "log loss"] == "-"
-
-
-def test_the_comparison_is_printed_with_caveats_and_both_tables(found):
-    X, y, runs = sensors()
-    third = evaluate(
-        KNeighborsClassifier(3), X["vibration"], y, runs=runs, healthy="new", n_splits=5
-    )
-    comparison = compare(found | {"<3 neighbours>": third})
-    text = str(comparison)
-    assert text.startswith("- The intervals of 2 evaluations hold one at a time")
-    assert "by run:\n" in text
-    assert "difference from 'vibration':" in text
-    assert re.search(r"missed detection rate +0\.\d+ \(", text)
-    page = comparison._repr_html_()
-    assert "&lt;3 neighbours&gt;" in page
-    assert "<3 neighbours>" not in page
 
 
 @pytest.mark.parametrize(

@@ -151,13 +151,6 @@ def test_the_mean_logarithmic_loss_is_that_of_scikit_learn_and_an_impossible_tru
     assert not np.signbit(log_losses([[1 + 4e-16, 0.0]], [0]))  # rounded to above 1
 
 
-def test_true_probabilities_have_a_lower_expected_score_than_sharper_ones():
-    probabilities, truths = calibrated(20_000, 3)
-    sharper = probabilities**2 / (probabilities**2).sum(axis=1, keepdims=True)
-    stated = log_losses(probabilities, truths).mean()
-    assert stated < log_losses(sharper, truths).mean()
-
-
 def test_an_edge_belongs_to_the_bin_above_and_certainty_to_the_last():
     of_first = np.array([0.6, 0.7, 1.0, 0.59, 0.6 - 0.8e-10, 0.6 - 1.2e-10, 1 - 1e-12])
     probabilities = np.column_stack([of_first, 1 - of_first])

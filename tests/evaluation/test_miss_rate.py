@@ -30,14 +30,14 @@ def three_states(n_units, seed, n_runs=2):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("between", "within", "n_runs"), [(1.4, 0.1, 5), (1, 1, 1)])
-def test_the_rate_holds_in_95_of_100_fleets_and_is_not_half_of_what_was_asked(
+def test_the_rate_holds_in_19_of_20_fleets_and_is_not_half_of_what_was_asked(
     between, within, n_runs
 ):
     model = CostSensitiveGaussianBayes().fit(*fleet(600, n_runs, 0, between, within)[:2])
     X, y, _ = fleet(400_000, 1, 1, between, within)
     log_odds = np.diff(model.predict_log_proba(X[y == "worn"]), axis=1)[:, 0]
     true_rates = []
-    for seed in range(100):
+    for seed in range(60):  # of a share of 0.95: standard error of 0.028
         limit = miss_rate_limit(
             model, *fleet(240, n_runs, 10 + seed, between, within), rate=0.1, healthy="healthy"
         )

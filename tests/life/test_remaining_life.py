@@ -149,7 +149,7 @@ def test_a_half_width_covers_what_is_stated_between_multiples_of_one_unit(n_unit
 @pytest.mark.parametrize(("kind", "censored"), [("wiener", 0.0), ("weibull", 0.2)])
 def test_intervals_cover_the_stated_fraction_of_units_at_five_ages(kind, censored):
     covered = {age: [] for age in (40.0, 80.0, 120.0, 160.0, 200.0)}
-    for fleet in range(60):
+    for fleet in range(25):  # about 100 units at each age: standard error of 3 %
         units = range(1000 * fleet, 1000 * fleet + 29)
         X, y, groups, ends = followed(units[:25], 20.0, censored)
         fitted = model(kind).fit(X, y, groups=groups, censored=ends)
@@ -158,7 +158,7 @@ def test_intervals_cover_the_stated_fraction_of_units_at_five_ages(kind, censore
         inside = (table["lower"] <= y) & (y <= table["upper"])
         for age, hits in covered.items():
             hits += inside[X[:, 0] == age].tolist()
-    assert len(covered[40.0]) >= 220
+    assert len(covered[40.0]) >= 90
     for age, hits in covered.items():
         assert binom.ppf(0.005, len(hits), 0.9) <= np.sum(hits), (age, np.mean(hits))
         if not censored:  # which makes intervals wider

@@ -1,6 +1,5 @@
 """A fault is named from the geometry, and a machine without one is not."""
 
-import itertools
 import os
 import re
 from pathlib import Path
@@ -70,8 +69,8 @@ PAIRS = [("BPFO", "BPFI"), ("BPFO", "BSF"), ("BPFI", "BSF")]
     ("pair", "strengths"),
     [(PAIRS[0], (1.0, 1.0))]
     + [
-        pytest.param(*both, marks=pytest.mark.slow)
-        for both in itertools.product(PAIRS, [(1.0, 0.5), (0.5, 1.0)])
+        pytest.param(PAIRS[k], strengths, marks=pytest.mark.slow)
+        for k, strengths in ((0, (1.0, 0.5)), (1, (0.5, 1.0)), (2, (1.0, 0.5)), (2, (0.5, 1.0)))
     ],
 )
 def test_two_faults_are_named_together(pair, strengths):
@@ -351,6 +350,9 @@ def test_the_rings_of_the_mfpt_rig_are_named_and_its_healthy_bearings_are_not():
     kinds = {"b": "none", "O": "BPFO", "I": "BPFI"}
     with np.load(file) as stored:
         names = sorted({name.partition("/")[0] for name in stored.files})
+        # Healthy ones, and of each ring the lowest and the highest load: the benchmark has all.
+        names = [name for name in names if re.search("baseline|Fault_1$|vload_[15]$", name)]
+        assert len(names) == 7
         runs = [
             Recording(
                 {"casing": stored[f"{name}/gs"].ravel()},
@@ -364,7 +366,7 @@ def test_the_rings_of_the_mfpt_rig_are_named_and_its_healthy_bearings_are_not():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["1772_IR_14_DE12", "1797_IR_7_DE12", "1750_OR@3_14_FE"])
+@pytest.mark.parametrize("name", ["1772_IR_14_DE12", "1750_OR@3_14_FE"])
 def test_a_damaged_ring_of_the_cwru_rig_has_no_damaged_ball(name):
     file = DATA / "bearings" / "cwru_faults_12k.npz"
     if not file.exists():

@@ -3,12 +3,10 @@
 from copy import deepcopy
 from functools import cache
 
-import joblib
 import numpy as np
 import pytest
-from sklearn.base import clone
 
-from emacm import ConditionRouter, Recording, ShaftHarmonics, evaluate, family_costs
+from emacm import Recording, ShaftHarmonics
 from emacm.models.recipes import actuator_recipe
 
 FS, TURN = 100.0, 2 * np.pi
@@ -135,29 +133,11 @@ def test_another_machine_is_unknown(variant):
     assert model.set_params(costsensitivegaussianbayes__unknown=None).predict(new)[0] in STATES
 
 
-@pytest.mark.slow
-def test_evaluate_passes_the_runs_and_counts_decisions_on_families():
-    X, y = campaign(4, loads=(20,))
-    families = {"normal": ["normal"], "worn": ["worn1", "worn2"]}
-    model = recipe(cost=family_costs(families))
-    result = evaluate(model, X, y, runs="run", healthy="normal", n_splits=4)
-    assert result.table.loc["by run", "accuracy"] == 1.0
-    assert result.table.loc["by run", "false_alarm_rate"] == 0.0
-
-
 def test_without_groups_single_recordings_are_left_out_with_a_warning():
     X, y = campaign(5, loads=(20,))
     with pytest.warns(UserWarning, match="make the model over-confident"):
         model = recipe().fit(X, y)
     assert model.predict([another_machine(1)]).tolist() == ["unknown"]
-
-
-def test_it_goes_into_a_router_and_through_joblib(tmp_path):
-    X, y = campaign(3)
-    model = fitted(X, y, clone(ConditionRouter(recipe(), condition="load")))
-    joblib.dump(model, tmp_path / "model.joblib")
-    kept = joblib.load(tmp_path / "model.joblib")
-    assert kept.predict(X).tolist() == model.predict(X).tolist() == y.tolist()
 
 
 @pytest.mark.filterwarnings("ignore:recording 4.* is constant")  # the error says it too

@@ -5,9 +5,8 @@ import re
 import numpy as np
 import pytest
 from sklearn.base import clone
-from sklearn.model_selection import GridSearchCV
-from sklearn.pipeline import FeatureUnion, make_pipeline
-from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
 from sklearn.tree import DecisionTreeClassifier
 
 from emacm import (
@@ -15,7 +14,6 @@ from emacm import (
     ConditionRouter,
     CostSensitiveGaussianBayes,
     EnvelopeDetector,
-    LeastRiskClassifier,
     OrderPSD,
     OrderResampler,
     Recording,
@@ -126,21 +124,6 @@ def test_an_envelope_is_compared_by_the_signal_it_is_computed_from():
     ).fit([run(seed) for seed in range(4)])
     assert about(run(9), model) == ""
     assert about(run(9, gain=(10, 10)), model).startswith("all channels 20 dB above")
-
-
-def test_a_resampler_is_found_in_searches_unions_and_other_classifiers():
-    X = [run(seed, worn=seed % 2 == 1) for seed in range(8)]
-    y = ["healthy", "worn"] * 4
-    resampled = make_pipeline(OrderResampler(2 * np.pi / 32), OrderPSD(4))
-    union = FeatureUnion([("one", resampled), ("other", resampled)])
-    models = [
-        GridSearchCV(pipeline(), {"orderpsd__revolutions": [4]}, cv=2).fit(X, y),
-        make_pipeline(union, StandardScaler()).fit(X),
-        LeastRiskClassifier(pipeline()).fit(X, y),
-    ]
-    for model in models:
-        stated = about(run(9, gain=(10, 10)), model)
-        assert stated == "all channels 20 dB above training: gain or unit?"
 
 
 def test_a_model_of_tables_is_refused():

@@ -1,12 +1,10 @@
 """Facts about bad input of order spectra: what was expected, what came, where, what to do."""
 
 import numpy as np
-import pytest
 from bad_input import (
     Case,
     T,
     V,
-    check_it_ends,
     check_refused,
     each,
     forward_only,
@@ -15,20 +13,12 @@ from bad_input import (
     run,
     spoilt,
 )
-from scipy import sparse
 
 from emacm import OrderPSD
 
 
 def psd_after_fit(X):
     return OrderPSD(2).fit(over_angle()).transform(X)
-
-
-def one_broken():
-    """The third of four recordings has no stroke long enough."""
-    X = [run(seed, meta={"unit": seed}) for seed in range(4)]
-    X[2] = run(2, velocity=np.where(np.arange(600) < 30, 6.0, 0.0), meta={"unit": "broken"})
-    return X
 
 
 CASES = [
@@ -45,45 +35,16 @@ CASES = [
         "recording 2|over time",
     ),
     Case(
-        "a single recording over time",
-        lambda: OrderPSD().fit(run()),
-        T,
-        "list of recordings|single one",
-    ),
-    Case(
-        "a single recording over angle",
-        lambda: OrderPSD().fit(over_angle()[0]),
-        T,
-        "list of recordings|single one",
-    ),
-    Case(
         "recordings mixed with rows",
         lambda: psd([*over_angle(), np.ones(300)]),
         T,
         "OrderPSD|entry 2",
     ),
-    Case("no rows", lambda: OrderPSD(theta_s=0.1).fit([]), V, "no recording|at least one"),
-    Case("rows of text", lambda: OrderPSD(theta_s=0.1).fit([["a", "b"]]), T, "row 0|numeric"),
     Case(
         "a nan in a row",
         lambda: OrderPSD(2, theta_s=0.1).fit([np.ones(300), spoilt(11, np.nan)]),
         V,
         "row 1|finite",
-    ),
-    Case(
-        "complex rows", lambda: OrderPSD(2, theta_s=0.1).fit([np.ones(300) * 1j]), T, "row 0|real"
-    ),
-    Case(
-        "too few revolutions",
-        lambda: psd(revolutions=5),
-        V,
-        "recording 0|no stroke holds a segment of 5 revolutions",
-    ),
-    Case(
-        "one recording too short among many",
-        lambda: psd(over_angle(one_broken())),
-        V,
-        "recording 2 (unit='broken')|2 revolutions",
     ),
     Case(
         "no reverse stroke by direction",
@@ -96,12 +57,6 @@ CASES = [
         lambda: psd(over_angle([forward_only()]), by_direction=True, short="pad"),
         V,
         "recording 0 (unit='F7')|no reverse stroke",
-    ),
-    Case(
-        "too short a row",
-        lambda: psd([np.ones(300), np.ones(20)], theta_s=0.1),
-        V,
-        "row 1|segment of 2",
     ),
     Case(
         "a shorter row than those of fit",
@@ -157,7 +112,6 @@ CASES = [
         )
         for window in ["best", ("best", 3), "kaiser", ("kaiser", "x"), ("hann", 3), ()]
     ],
-    Case("a window of nan", lambda: psd(window=("kaiser", np.nan)), V, "window|finite"),
     Case(
         "a window of wrong length",
         lambda: psd(window=np.ones(7)),
@@ -168,7 +122,6 @@ CASES = [
     Case(
         "a window that adds up to nothing", lambda: psd(window=np.zeros(64)), V, "window|sum to 0"
     ),
-    Case("None for a window", lambda: psd(window=None), T, "window|None"),
     Case(
         "a padded window given as an array",
         lambda: psd(revolutions=5, window=np.ones(160), short="pad"),
@@ -176,7 +129,6 @@ CASES = [
         "recording 0|window by name",
     ),
     Case("negative max_order", lambda: psd(max_order=-1), V, "max_order|orders"),
-    Case("text for max_order", lambda: psd(max_order="5"), T, "max_order|number"),
     Case(
         "theta_s that contradicts the recordings",
         lambda: psd(theta_s=0.1),
@@ -230,12 +182,6 @@ CASES = [
         "recording 0 (unit='U2')|rows",
     ),
     Case(
-        "a nan in a table of rows",
-        lambda: OrderPSD(2, theta_s=0.1).fit(np.stack([np.ones(600), spoilt(11, np.nan)])),
-        V,
-        "NaN|row 1",
-    ),
-    Case(
         "directions of a travel",
         lambda: psd(over_angle(direction="travel"), by_direction=True),
         V,
@@ -247,11 +193,6 @@ CASES = [
         V,
         "by_direction|plain rows have no direction",
     ),
-    Case("sparse rows", lambda: OrderPSD().fit(sparse.csr_array(np.eye(5))), T, "dense"),
-    Case("rows of one sample", lambda: OrderPSD().fit(np.ones((5, 1))), V, "minimum of 2"),
-    Case("a row instead of rows", lambda: OrderPSD(2, theta_s=0.1).fit(np.ones(300)), V, "2D"),
-    Case("a table of three dimensions", lambda: OrderPSD().fit(np.ones((2, 3, 50))), V, "dim 3"),
-    Case("spectra before fit", lambda: OrderPSD().transform(over_angle()), V, "not fitted"),
 ]
 
 
@@ -260,12 +201,8 @@ def test_bad_input_is_refused_with_what_where_and_what_to_do(case):
     check_refused(case)
 
 
-@pytest.mark.slow
 def test_a_padded_spectrum_of_strokes_that_are_noise_at_rest_comes_to_an_end():
-    check_it_ends("""
-speed = np.full(2000, 3.0)
-speed[1900:] = 1e-3 * rng.standard_normal(100)
-run = Recording({"a": rng.normal(size=2000)}, 1000, velocity=speed)
-over_angle = OrderResampler(2 * np.pi / 64).fit_transform([run])
-result = OrderPSD(4, short="pad").fit_transform(over_angle)
-""")
+    speed = np.full(600, 3.0)
+    speed[570:] = 1e-3 * np.random.default_rng(0).standard_normal(30)
+    found = psd(over_angle([run(velocity=speed)]), short="pad")
+    assert np.isfinite(found).all()

@@ -138,12 +138,6 @@ def test_the_transformer_adds_up_to_the_integral_less_the_stop_band(spectrum, bi
     assert power == pytest.approx(whole - integral(orders, psd, *stop), rel=1e-9, abs=1e-9 * whole)
 
 
-def test_bins_are_named_by_channel_and_edges():
-    orders = np.arange(0, 10.5, 0.5)
-    bins = BinTransformer(1, max_order=10).fit(table(orders, np.ones(21)))
-    assert bins.get_feature_names_out().tolist() == [f"current@{k}-{k + 1}" for k in range(10)]
-
-
 @pytest.mark.parametrize(
     ("bin_size", "max_order", "names"),
     [
@@ -157,16 +151,6 @@ def test_bins_are_named_by_channel_and_edges():
 def test_numbers_in_names_are_the_shortest_exact_ones(bin_size, max_order, names):
     bins = BinTransformer(bin_size, max_order=max_order).fit(table(np.arange(3.0), np.ones(3)))
     assert bins.get_feature_names_out().tolist() == names
-
-
-def test_columns_run_channel_by_channel():
-    both = pd.concat(
-        [table(np.arange(3.0), np.ones(3)), table(np.arange(3.0), 2 * np.ones(3), channel="b@x")],
-        axis=1,
-    )
-    bins = BinTransformer(1, max_order=2).set_output(transform="pandas").fit_transform(both)
-    assert bins.columns.tolist() == ["current@0-1", "current@1-2", "b@x@0-1", "b@x@1-2"]
-    np.testing.assert_allclose(bins, [[1, 1, 2, 2]])
 
 
 def test_named_bands_may_overlap_and_give_their_names():

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from sklearn.utils import _safe_indexing
 
 from emacm import BinTransformer
 from emacm.orders.columns import (
@@ -32,11 +31,6 @@ def table(columns=COLUMNS):
 # The table
 
 
-def test_a_table_holds_its_numbers_and_its_names():
-    assert table().columns == COLUMNS
-    np.testing.assert_array_equal(table(), np.arange(12.0).reshape(4, 3))
-
-
 def test_names_that_do_not_fit_the_table_are_refused():
     with pytest.raises(ValueError, match=r"2 names were given for values of shape \(4, 3\)"):
         table(COLUMNS[:2])
@@ -51,15 +45,11 @@ def through_joblib(value, folder):
     "through",
     [
         lambda value, folder: pickle.loads(pickle.dumps(value)),
-        lambda value, folder: pickle.loads(pickle.dumps(value, protocol=2)),
         through_joblib,
-        lambda value, folder: copy.copy(value),
         lambda value, folder: copy.deepcopy(value),
         lambda value, folder: value.copy(),
-        lambda value, folder: value.copy(order="F"),
-        lambda value, folder: copy.deepcopy([value])[0],
     ],
-    ids=["pickle", "pickle 2", "joblib", "copy", "deepcopy", ".copy", "order F", "in a list"],
+    ids=["pickle", "joblib", "deepcopy", ".copy"],
 )
 def test_names_survive_copies_and_files(through, tmp_path):
     again = through(table(), tmp_path)
@@ -72,14 +62,10 @@ def test_names_survive_copies_and_files(through, tmp_path):
     "rows",
     [
         slice(1, 3),
-        slice(None, None, -1),
         np.array([3, 0, 0]),
-        [2, 1],
-        np.array([True, False, True, False]),
         [True, False, True, False],
         (np.array([3, 0]), ...),
         (slice(0, 2), slice(None)),
-        (np.array([False, True, True, False]), slice(None)),
         ...,
         np.array([], dtype=int),
     ],
@@ -92,37 +78,21 @@ def test_a_choice_of_rows_keeps_the_names(rows):
 
 
 @pytest.mark.parametrize(
-    "rows", [[0, 2], np.array([0, 2]), np.array([True, False, True, False]), slice(0, 2)], ids=repr
-)
-def test_a_choice_of_rows_by_scikit_learn_keeps_the_names(rows):
-    assert _safe_indexing(table(), rows).columns == COLUMNS
-
-
-@pytest.mark.parametrize(
     "change",
     [
         lambda X: X[:, [2, 0, 1]],
-        lambda X: X[:, :2],
-        lambda X: X[:, ::-1],
         lambda X: X[..., ::-1],
         lambda X: X[:, np.array([True, True, False])],
-        lambda X: X[[0, 1], [0, 1]],
         lambda X: X[0],
-        lambda X: X[:, 0],
         lambda X: X[None],
         lambda X: X[X > 3],
         lambda X: X.T,
         lambda X: X + 1,
-        lambda X: np.log1p(X),
         lambda X: X @ np.eye(3),
         lambda X: X.reshape(3, 4),
         lambda X: X.mean(axis=0),
-        lambda X: X > 3,
-        lambda X: np.sort(X),
         lambda X: np.flip(X, axis=1),
         lambda X: np.hstack([X, X]),
-        lambda X: np.take(X, [2, 1, 0], axis=1),
-        lambda X: np.roll(X, 1, axis=1),
     ],
 )
 def test_names_are_gone_after_anything_but_a_choice_of_rows(change):
@@ -189,18 +159,6 @@ def test_names_read_back_as_the_channels_and_the_very_orders(channels, orders):
     for number, block in enumerate(blocks):
         assert block.orders.tolist() == orders
         assert block.columns == slice(number * len(orders), (number + 1) * len(orders))
-
-
-@pytest.mark.parametrize(
-    "channel", ["a@b", "a@5", "@", "x+", "x-", "5-6", "Strom µA", "電流", "two words", "a\nb"]
-)
-def test_channels_may_have_any_name(channel):
-    (block,) = parse_order_columns(order_columns([channel], [0, 0.5]))
-    assert block.channel == channel
-
-
-def test_columns_run_channel_by_channel():
-    assert order_columns(["b", "a"], [0, 0.5]) == ("b@0", "b@0.5", "a@0", "a@0.5")
 
 
 @pytest.mark.parametrize(

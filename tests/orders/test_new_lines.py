@@ -2,10 +2,6 @@
 
 import numpy as np
 import pytest
-import sklearn
-from sklearn.model_selection import GridSearchCV, GroupKFold
-from sklearn.pipeline import make_pipeline
-from sklearn.tree import DecisionTreeClassifier
 
 from emacm import BinTransformer
 from emacm.orders.columns import OrderTable, order_columns
@@ -181,12 +177,3 @@ def test_one_group_for_each_recording_is_needed(training):
         BinTransformer(max_order=12).fit(table(training), groups=np.zeros((60, 2)))
     with pytest.raises(ValueError, match="that of recording 3 is missing"):
         BinTransformer(max_order=12).fit(table(training), groups=["a"] * 3 + [None] + ["b"] * 56)
-
-
-def test_with_metadata_routing_the_groups_of_a_search_reach_the_bins(training):
-    groups, y = np.arange(60) % 10, np.arange(60) // 30
-    with sklearn.config_context(enable_metadata_routing=True):
-        pipe = make_pipeline(BinTransformer(max_order=12), DecisionTreeClassifier())
-        search = GridSearchCV(pipe, {}, cv=GroupKFold(2)).fit(table(training), y, groups=groups)
-    own = BinTransformer(max_order=12).fit(table(training), groups=groups).known_lines_.limits
-    np.testing.assert_array_equal(search.best_estimator_[0].known_lines_.limits, own)

@@ -51,12 +51,6 @@ def test_a_folder_is_a_folder_however_it_is_named(calls, tmp_path, kind):
     assert len(calls) == 1
 
 
-@pytest.mark.parametrize("memory", [3, ["folder"]])
-def test_a_memory_that_is_no_folder_is_refused(memory):
-    with pytest.raises(ValueError, match="memory"):
-        OrderPSD(4, memory=memory).fit_transform(over_angle(run()))
-
-
 def test_a_folder_that_cannot_be_made_is_an_error_that_names_it(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ValueError, match="file' cannot be used as a folder"):

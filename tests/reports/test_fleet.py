@@ -47,25 +47,19 @@ def against(page, truth):
 
 @pytest.fixture(scope="module")
 def pages():
-    """Return 14 pages with their truths; the model is of other pumps."""
+    """Return eight pages with their truths; the model is of other pumps."""
     states = ["healthy", "outer", "inner"] * 8
     bayes = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto")
     model = bearing_recipe(PARTS, classifier=bayes).fit(
         [pump(s, k) for k, s in enumerate(states)], states
     )
     settings = read_settings(model, parts=PARTS)
-    truths = ["healthy"] * 6 + ["outer", "inner"] * 4
+    truths = ["healthy"] * 4 + ["outer", "inner"] * 2
     new = [(truth, pump(truth, 100 + k)) for k, truth in enumerate(truths)]
     return [(truth, page_of(settings, lambda run=run: run, "run")) for truth, run in new]
 
 
 @pytest.mark.slow
 def test_no_page_of_a_fleet_names_another_ring_or_calls_its_own_normal(pages):
-    assert len(pages) == 14
+    assert len(pages) == 8
     assert [(truth, against(page, truth)) for truth, page in pages if against(page, truth)] == []
-
-
-@pytest.mark.slow
-def test_a_page_of_another_truth_is_noticed(pages):
-    others = {"healthy": "outer", "outer": "inner", "inner": "healthy"}
-    assert all(against(page, others[truth]) for truth, page in pages)

@@ -1,11 +1,10 @@
 """What the pages of maintenance reports state."""
 
 import re
-from functools import partial
 
 import numpy as np
 import pytest
-from bearing_models import BEARING, COST, LINES, STATES, bins_model, fitted, recording, runs, steps
+from bearing_models import BEARING, COST, STATES, bins_model, fitted, recording, runs, steps
 from sklearn.decomposition import PCA
 from sklearn.ensemble import RandomForestClassifier
 from sklearn.pipeline import make_pipeline
@@ -105,23 +104,6 @@ def test_lines_in_the_envelope_are_stated_whatever_the_model_decides():
     assert lines_of_envelopes(shaken, BEARING, in_amperes) == []
 
 
-def test_confidence_is_in_words():
-    found = page(bins_model(), recording("outer race", 99))
-    assert found.sentences[0].startswith("Confidence: very high. The probability")
-    assert "above 99 %" in found.sentences[0]
-    new = recording("inner race", 98)
-    found = page(bins_model(), new)
-    unknown = bins_model()[-1].unknown_proba(bins_model()[:-1].transform([new]))[0]
-    assert 0.01 < unknown < 0.05  # it stands beside the states that are known
-    assert found.sentences[0].startswith("Confidence: very high. The probability")
-    beside = f"farther; the probability of an unknown state is {100 * unknown:.0f} %"
-    assert any(text.endswith(beside) for text in found.normal)
-    text = words(found)
-    assert "nats" not in text
-    assert "1.000" not in text
-    assert "100 %" not in text
-
-
 def test_a_healthy_recording_has_nothing_raised_and_much_that_is_normal():
     found = page(bins_model(), recording("healthy", 97))
     assert (found.decision, found.kind, found.findings.rows, found.first) == (
@@ -207,24 +189,6 @@ def test_wrong_input_is_stated_first_and_makes_the_decision_doubtful():
     assert found.doubtful
     assert "clipped" in found.first[0]
     assert not any("without clipping" in text for text in found.normal)
-
-
-def test_a_recording_that_cannot_be_decided_on_states_the_reason():
-    found = page(bins_model(), recording("healthy", 93, n=900))
-    assert (found.decision, found.kind, found.doubtful) == ("no decision", "error", True)
-    assert found.first[0].startswith("no stroke holds a segment of 16 revolutions")
-    missing = page_of(read_settings(bins_model()), partial(open, "none.npz"), "none.npz")
-    assert "none.npz" in missing.first[0]
-
-
-def test_a_decision_that_is_no_state_names_the_possible_ones():
-    model = fitted(make_pipeline(*steps(FunctionTransformer(np.log10))))
-    always = {("inspect", state): 0.0 for state in LINES} | {("inspect", "unknown"): 0.0}
-    model.set_params(costsensitivegaussianbayes__cost=COST | always)
-    found = page(model, recording("outer race", 92))
-    assert (found.decision, found.kind) == ("inspect", "other")
-    assert "'inspect' has the lowest expected cost" in found.sentences[0]
-    assert found.sentences[1].startswith("Possible too: outer race (above 99 %)")
 
 
 def test_a_family_has_the_probability_of_its_states():
@@ -340,20 +304,6 @@ def test_without_a_healthy_state_the_most_probable_other_one_is_the_reference():
 
 
 # Facts and settings
-
-
-def test_facts_of_recording_and_model_are_stated():
-    new = recording("healthy", 97, meta={"unit": "A"}, units={"vib": "m/s²"})
-    found = page(bins_model(), new)
-    facts = dict(found.recording)
-    assert facts["Recording"] == "run 7"
-    assert facts["Length"] == "4.5 s, 78.77 revolutions"
-    assert facts["Speed of the shaft"] == "1050 rpm"
-    assert facts["Channels"] == "vib [m/s²], 2 kHz; amps [unit not stated], 2 kHz"
-    facts = dict(found.model_facts)
-    assert facts["States"] == "healthy, inner race, outer race"
-    assert "emacm" in facts["Versions"]
-    assert "not saved" in facts["Model"]
 
 
 @pytest.mark.parametrize(

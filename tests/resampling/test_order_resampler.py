@@ -2,13 +2,10 @@
 
 import pickle
 
-import joblib
 import numpy as np
 import pandas as pd
 import pytest
-from sklearn.exceptions import NotFittedError
 from sklearn.pipeline import make_pipeline
-from sklearn.utils import get_tags
 
 import emacm.resampling.angle_recording
 from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
@@ -77,32 +74,6 @@ def count(monkeypatch):
 # What scikit-learn's checks ask of an estimator
 
 
-def test_fitting_twice_gives_the_same():
-    X = [run(0), run(1)]
-    resampler = OrderResampler(THETA_S).fit(X)
-    once = resampler.transform(X)
-    assert_equal(resampler.fit(X).transform(X), once)
-
-
-def test_only_what_fit_learns_ends_in_an_underscore():
-    learnt = set(vars(OrderResampler().fit([run()]))) - set(OrderResampler().get_params())
-    assert learnt == {"channels_", "_trained_on"}
-
-
-def test_the_input_is_unchanged():
-    X = [run(0), run(1)]
-    before = joblib.hash(X)
-    values(OrderResampler(THETA_S).fit_transform(X))
-    assert joblib.hash(X) == before
-
-
-@pytest.mark.parametrize("antialias", [True, False])
-def test_the_order_of_recordings_changes_no_number(antialias):
-    X = [run(seed) for seed in range(4)]
-    resampler = OrderResampler(THETA_S, antialias=antialias).fit(X)
-    assert_equal(resampler.transform(X[::-1])[::-1], resampler.transform(X))
-
-
 @pytest.mark.parametrize("antialias", [True, False])
 def test_a_recording_by_itself_has_the_numbers_it_has_among_others(antialias):
     X = [run(seed, 2000 + 300 * seed) for seed in range(4)]
@@ -123,13 +94,6 @@ def test_channels_are_found_by_name():
     assert_equal(resampler.transform([run(swap=True)]), resampler.transform([run()]))
 
 
-@pytest.mark.parametrize("method", ["transform", "get_feature_names_out"])
-def test_before_fit_it_says_that_it_is_not_fitted(method):
-    arguments = ([run()],) if method == "transform" else ()
-    with pytest.raises(NotFittedError, match="not fitted"):
-        getattr(OrderResampler(), method)(*arguments)
-
-
 def test_the_feature_names_are_the_channels():
     names = OrderResampler().fit([run()]).get_feature_names_out()
     assert names.dtype == object
@@ -141,13 +105,6 @@ def test_set_output_is_accepted_and_changes_nothing(container):
     X = [run()]
     resampler = OrderResampler(THETA_S).set_output(transform=container)
     assert_equal(resampler.fit_transform(X), OrderResampler(THETA_S).fit_transform(X))
-
-
-def test_the_tags_say_that_recordings_are_no_table():
-    tags = get_tags(OrderResampler())
-    assert not tags.input_tags.two_d_array
-    assert not tags.target_tags.required
-    assert tags.transformer_tags is not None
 
 
 # Bare arrays
@@ -295,21 +252,6 @@ def there_and_back():
     return motion(np.concatenate(pieces), fs=100)
 
 
-def test_quality_has_a_row_for_each_recording_and_needs_no_fit():
-    table = OrderResampler().quality([run(seed) for seed in range(3)])
-    assert len(table) == 3
-    assert table.columns.tolist() == [
-        "revolutions",
-        "strokes",
-        "longest_stroke",
-        "standing",
-        "slowest",
-        "fastest",
-        "max_order",
-        "warnings",
-    ]
-
-
 def test_quality_states_strokes_speeds_and_the_highest_order():
     row = quality(there_and_back())
     # The trapezoid ends a stroke at its last turning sample.
@@ -411,11 +353,6 @@ def test_a_jump_below_a_hand_made_path_is_named_with_its_time():
     path = ShaftPath(2 * np.pi * 5 * time + 100 * (time > 10), 1000.0, 0.0, 0.0, 1)
     with pytest.raises(ValueError, match=r"turns by 100 rad within one of its samples, at 10 s"):
         next(spread_rows([time], 1000.0, path, 2 * np.pi / 128))
-
-
-def test_samples_per_revolution_in_place_of_theta_s_are_refused():
-    with pytest.raises(ValueError, match=r"write theta_s=2 \* np.pi / 64"):
-        OrderResampler(64).fit([slipping(0.0)])
 
 
 def test_transposed_arrays_are_refused():

@@ -150,16 +150,6 @@ def test_columns_are_named_by_channel_and_indicator():
     assert len(average.get_feature_names_out()) == N
 
 
-def test_a_machine_with_one_direction_needs_no_setting():
-    rows = over_angle(gearbox(0))
-    for auto, plain in (
-        (SynchronousAverage(), SynchronousAverage(by_direction=False)),
-        (GearIndicators(TEETH), GearIndicators(TEETH, by_direction=False)),
-    ):
-        np.testing.assert_array_equal(auto.fit_transform(rows), plain.fit_transform(rows))
-        assert not any("+" in name for name in auto.get_feature_names_out())
-
-
 def test_forward_and_reverse_flanks_are_apart():
     t = np.arange(6 * FS) / FS
     angle = 60 * np.sin(TURN * t / 6)

@@ -77,15 +77,6 @@ def test_parts_of_the_stroke_have_lines_of_their_own():
     np.testing.assert_allclose(table.to_numpy()[0, ::2], [1, 1, 3, 3], atol=0.01)
 
 
-def test_columns_name_amplitudes_and_orders_in_the_shortest_way():
-    X = [recording(MOTIONS["constant"], line(MOTIONS["constant"]))]
-    names = ShaftHarmonics((1, 0.5), by_direction=False, phase=None).fit(X)
-    assert names.get_feature_names_out().tolist() == [
-        "current:amplitude1",
-        "current:amplitude0.5",
-    ]
-
-
 def test_strokes_are_averaged_as_vectors_so_that_opposite_ones_cancel():
     speed = np.repeat([TURN, -TURN], 21 * FS // 2)  # ten whole revolutions and a half
     angle = np.cumsum(np.tile(speed, 2)) / FS

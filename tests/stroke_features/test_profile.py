@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from emacm import OrderResampler, Recording, StrokeProfile
+from emacm import Recording, StrokeProfile
 
 FS = 1000
 TURN = 2 * np.pi
@@ -30,13 +30,6 @@ def test_speed_does_not_change_a_profile_over_the_position():
     swinging = 40 * np.pi / 2 * np.sin(np.pi * np.arange(4 * FS) / FS / 2)
     found = [profile(out_and_back(shape, speed), 5, min_speed=0)[0] for speed in (steady, swinging)]
     np.testing.assert_allclose(found[1], found[0], atol=2e-3)
-
-
-def test_over_the_angle_the_profile_is_that_over_time():
-    recording = out_and_back(lambda p: np.sin(3 * p) + p**2)
-    (row,) = OrderResampler(TURN / 64, min_speed=10).fit_transform([recording])
-    found = StrokeProfile(5).fit_transform([row])[0].reshape(2, 5)
-    np.testing.assert_allclose(found, profile(recording, 5), atol=0.01)
 
 
 def test_few_coefficients_do_not_see_the_phase_of_the_first_order():

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emacm import OrderResampler, Recording, ShaftHarmonics
+from emacm import Recording, ShaftHarmonics
 
 FS = 1000
 TURN = 2 * np.pi
@@ -56,9 +56,3 @@ def test_phases_are_those_of_shaft_harmonics_turned_by_one_angle():
 def test_orders_that_are_no_multiples_of_the_first_are_refused():
     with pytest.raises(ValueError, match=r"whole multiples of the first one, .*order 1\.5"):
         lines([recording(SWAY)], orders=(1, 1.5))
-
-
-def test_travel_has_no_phases():
-    X = OrderResampler(TURN / 64, direction="travel").fit_transform([recording(SWAY)])
-    with pytest.raises(ValueError, match=r"no shaft angle.*direction='strokes'"):
-        lines(X, by_direction=False)

@@ -8,8 +8,8 @@ from scipy import signal as filters
 from scipy.integrate import trapezoid
 
 from chapter4 import PUBLISHED
-from chapter4_spectra import READINGS, SIGNALS, pair, run_campaign
-from chapter4_study import FUSED, classified, decide, expected_orders
+from chapter4_spectra import READINGS, SIGNALS, run_campaign
+from chapter4_study import FUSED, classified, decide
 
 pytestmark = pytest.mark.slow
 
@@ -113,15 +113,6 @@ def test_the_accelerometer_is_exposed_as_deciding_on_multiples_of_6_123(chapter,
         assert row["electrical noise [%]"] < 5
 
 
-def test_expected_orders_of_vibration_and_current_differ_by_the_supply():
-    mechanical, electrical = (expected_orders(name, 100) for name in ("lvdt", "current_a"))
-    assert mechanical["inner ring"]["BPFI"] == pytest.approx(6.123, abs=1e-4)
-    assert electrical["inner ring"]["supply+BPFI"] == pytest.approx(12.123, abs=1e-4)
-    assert electrical["inner ring"]["supply-BPFI"] == pytest.approx(0.123, abs=1e-4)
-    assert electrical["shaft"]["supply+shaft"] == 7
-    assert mechanical["electrical noise"] == {"2xsupply": 12, "6xsupply": 36}
-
-
 def test_condition_3_requires_more_than_the_peak_speed(chapter):
     table = chapter.tables["conditions"]
     # A triangle of 2.05 in at 2.14 Hz and 0.1575 in per revolution: 4 x 2.05 x 2.14 / 0.1575 rev/s.
@@ -178,14 +169,3 @@ def test_the_velocity_contains_frequencies_that_linear_interpolation_folds(chapt
     (table,) = (t for name, t in chapter.tables.items() if "folded" in name)
     assert ((table >= 0) & (table <= 100)).all(axis=None)
     assert table["Y Accelerometer"].max() > 50  # the ringing lies above order 100
-
-
-def test_a_pair_is_labelled_by_its_place():
-    healthy, degraded = thesis_benches(seed=3, duration=0.5)
-    campaign = run_campaign((healthy, degraded), conditions=(3,), n_runs=2)
-    same = pair((campaign, 1), (campaign, 0))
-    assert same.frame.groupby("health")["label"].unique().str[0].to_dict() == {
-        "healthy": "inner ring + lubrication", "degraded": "healthy"
-    }  # fmt: skip
-    one, other = (c.spectra["thesis"]["lvdt"].to_numpy() for c in (campaign, same))
-    np.testing.assert_array_equal(np.roll(one, 2, axis=0), other)

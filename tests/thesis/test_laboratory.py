@@ -94,12 +94,6 @@ def test_the_resolver_and_the_velocity_channel_show_the_same_motion():
     assert np.ptp(away) < 0.05  # of 230 rad
 
 
-def test_the_rod_moves_a_lead_for_each_revolution():
-    recording = record()
-    slope = np.polyfit(recording.angle, recording.signals["lvdt"][::10], 1)[0]
-    assert slope == pytest.approx(0.1575 / (2 * np.pi), rel=0.02)
-
-
 @pytest.mark.parametrize("condition", [2, 3, 5])
 def test_the_current_has_its_fundamental_at_order_6(condition):
     orders, power = spectrum(record(condition), "current_a", revolutions=4)
