@@ -116,9 +116,8 @@ def even_times(
             f"time column {name!r} does not increase at sample {place}, {seconds[place]:.6g} s. "
             f"Choose the column of times, sort or cut the recording, or {ignore_hint(name)}."
         )
-    tick = resolution
-    if np.ptp(steps) > 1e-6 * steps.max():  # equal steps are not rounded
-        tick = max(tick, _coarsest_decimal(seconds[1:][steps > 0], steps[steps > 0].min()))
+    tick = _coarsest_decimal(seconds[1:][steps > 0], steps[steps > 0].min())
+    tick = max(resolution, tick if np.ptp(steps) > 0.1 * tick else 0.0)  # else equal
     n = np.arange(len(seconds))
     few = len(steps) <= 100  # then jitter hides the rate
     if fs and np.abs(seconds - n / fs).max() <= (0.5 if few else 0.1) / fs + tick:

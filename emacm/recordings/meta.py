@@ -269,7 +269,8 @@ def meta_value(entry: Any, index: int, key: Any, role: str) -> Any:
         if role.startswith("--"):  # an option of a command
             remedy = f"Correct {role}, or meta in the layout."
         raise ValueError(
-            f"{described(entry, index)} has no {kind} {key!r}, only {list(facts.keys())}. {remedy}"
+            f"{described(entry, index)} has no {kind} {key!r}; it has "
+            f"{', '.join(map(repr, facts.keys())) or 'none'}. {remedy}"
         )
     return _checked(facts[key], entry, index, f"its {kind} {key!r} is")
 

@@ -71,7 +71,7 @@ REFUSED = {
     "its meta key 'load' is NaT": runs({"load": pd.NaT}),
     "its meta key 'load' is inf": runs({"load": np.inf}),
     "its meta key 'load' is [1], which cannot be hashed": runs({"load": [1]}),
-    "recording 0 (unit='A') has no meta key 'load', only ['unit']": runs({"unit": "A"}),
+    "recording 0 (unit='A') has no meta key 'load'; it has 'unit'": runs({"unit": "A"}),
     "condition names the meta key 'load', but recording 0 is a int without meta": [3],
 }
 
