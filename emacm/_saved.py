@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
+from threading import get_ident
 from typing import Any, ClassVar
 
 import pandas as pd
@@ -109,7 +110,7 @@ def written_whole(path: Path) -> Iterator[Path]:
 
     If this fails, nothing is left behind, and the OSError names the file.
     """
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}.{get_ident()}.part")
     try:
         yield unfinished
         os.replace(unfinished, path)

@@ -62,10 +62,9 @@ class OrderPSD(WelchEstimator):
     memory : None, False, str, path or joblib.Memory
         Where spectra of recordings are kept between calls, folds and candidates of a search. None:
         in the memory of the process, the latest 256 MiB, as long as it has the recordings. A folder
-        keeps them for other processes, too; the key of a spectrum is the content of its recording
-        and all settings, including those of resampling, and
-        ``joblib.Memory(folder).reduce_size`` deletes the oldest ones. False: nowhere. Resampled
-        signals are not kept.
+        keeps them for other processes, too, in files ``emacm_spectra/*.npy``, whose names follow
+        from the content of the recording and all settings, including those of resampling; any of
+        them may be deleted. False: nowhere. Resampled signals are not kept.
     verbose : bool or int
         Report to stderr how many recordings are done, the rate and the time left: by tqdm, if it is
         installed, otherwise by joblib (the higher, the more often).

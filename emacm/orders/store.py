@@ -1,22 +1,25 @@
 """Spectra that are kept between calls, folds and searches, and in a folder between processes.
 
-In a folder, the key of a spectrum is the content of its recording and all settings. It is kept by
-`joblib.Memory`, which estimates a damaged one again.
+In a folder, the name of a spectrum is a digest of the content of its recording and of all settings.
+Behind the array in the format of NumPy is a checksum, so that a damaged one is estimated again.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from functools import partial
 from hashlib import sha256
+from io import BytesIO
+from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import joblib
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.utils.validation import check_memory
 
+from emacm._saved import write_whole
+from emacm._statements import warn
 from emacm._version import __version__
 from emacm.orders.segment_plan import SegmentPlan
 from emacm.recordings.digests import Recent, content_digest
@@ -27,34 +30,28 @@ Spectrum = NDArray[np.floating]
 _recent: Recent[Spectrum] = Recent(1 << 28)  # of this process
 
 
-def open_memory(memory: Any) -> joblib.Memory:
-    """Return the joblib.Memory for the parameter `memory` of an estimator.
+def folder_of(memory: Any) -> Path:
+    """Return the folder of spectra for the parameter `memory` of an estimator, and make it.
 
     Parameters
     ----------
-    memory : None, str, path or joblib.Memory
-        A folder.
-
-    Returns
-    -------
-    joblib.Memory
-        That keeps nothing for None.
+    memory : str or path
+        The folder in which it is.
 
     Raises
     ------
     ValueError
-        If it is none of these, or the folder cannot be made.
+        If it cannot be made.
     """
-    if not isinstance(memory, str | os.PathLike):
-        return check_memory(memory)
     try:
-        # Compressed with a checksum, so that damage is noticed.
-        return joblib.Memory(os.fspath(memory), verbose=0, compress=1)
-    except OSError as error:
+        folder = Path(memory) / "emacm_spectra"
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, TypeError) as error:
         raise ValueError(
-            f"memory = {os.fspath(memory)!r} cannot be used as a folder of spectra: {error}. "
+            f"memory = {str(memory)!r} cannot be used as a folder of spectra: {error}. "
             f"Choose a folder with write permission."
         ) from error
+    return folder
 
 
 def spectrum_key(row: Any, settings: str) -> str:
@@ -101,31 +98,38 @@ def spectra_of_rows(
     list of ndarray
     """
     settings = joblib.hash((vars(plan), __version__))
-    recall = None
-    if memory is not None and memory is not False:
-        recall = open_memory(memory).cache(_estimated, ignore=["row", "plan"])
-    return run(partial(_spectrum, plan, settings, recall, memory is not False), rows, **options)
+    memory = getattr(memory, "location", memory)  # of a joblib.Memory
+    folder = None if memory is None or memory is False else folder_of(memory)
+    return run(partial(_spectrum, plan, settings, folder, memory is not False), rows, **options)
 
 
-def _spectrum(plan: SegmentPlan, settings: str, recall: Any, keep: bool, row: Any) -> Spectrum:
+def _spectrum(
+    plan: SegmentPlan, settings: str, folder: Path | None, keep: bool, row: Any
+) -> Spectrum:
     """Return the spectrum of a row: of this process, of the folder, or estimated."""
-    if not keep or (recall is None and not isinstance(row, AngleRecording)):
-        return plan.spectra_of(row)
     known = None
-    if isinstance(row, AngleRecording):
+    if keep and isinstance(row, AngleRecording):
         known = row.measured.identity, settings, repr(list(row.settings))
         found = _recent.get(known)
         if found is not None:
             return found
-    if recall is None:
-        found = plan.spectra_of(row)
-    else:
-        found = recall(spectrum_key(row, settings), row=row, plan=plan)
+    found = plan.spectra_of(row) if folder is None else _from_folder(folder, plan, settings, row)
     if known is not None:
         _recent.put(known, found, found.nbytes)
     return found
 
 
-def _estimated(key: str, row: Any, plan: SegmentPlan) -> Spectrum:
-    """Estimate a spectrum, which joblib keeps under its key."""
-    return plan.spectra_of(row)
+def _from_folder(folder: Path, plan: SegmentPlan, settings: str, row: Any) -> Spectrum:
+    """Return the spectrum that a file holds; without one, or if it is damaged, estimate it."""
+    path = folder / f"{spectrum_key(row, settings)}.npy"
+    content = path.read_bytes() if path.is_file() else b""
+    if content[-4:] == crc32(content[:-4]).to_bytes(4):
+        return np.asarray(np.load(BytesIO(content)))
+    found = plan.spectra_of(row)
+    file = BytesIO()
+    np.save(file, found)
+    try:
+        write_whole(path, file.getvalue() + crc32(file.getvalue()).to_bytes(4))
+    except OSError as error:  # as of a full disk
+        warn("not kept", f"a spectrum is not kept in the folder of memory: {error}")
+    return found

@@ -61,7 +61,7 @@ def test_a_folder_that_cannot_be_made_is_an_error_that_names_it(tmp_path):
 def test_a_damaged_spectrum_is_estimated_again(calls, tmp_path, damage):
     psd = OrderPSD(4, memory=tmp_path)
     expected = psd.fit_transform(over_angle(run()))
-    (file,) = tmp_path.rglob("output.pkl")
+    (file,) = tmp_path.rglob("*.npy")
     file.write_bytes(damage(file.read_bytes()))
     for _ in range(2):
         np.testing.assert_array_equal(psd.transform(over_angle(run())), expected)
@@ -131,7 +131,7 @@ def test_a_refused_recording_is_refused_each_time_and_the_others_are_kept(calls,
 
 def test_no_resampled_signal_is_kept(tmp_path):
     table = OrderPSD(4, memory=tmp_path).fit_transform(over_angle(run(seconds=100)))
-    (file,) = tmp_path.rglob("output.pkl")
+    (file,) = tmp_path.rglob("*.npy")
     assert file.stat().st_size < table.nbytes + 500
 
 
