@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,13 +13,15 @@ import numpy as np
 import pandas as pd
 
 from emacm.commands.find import parts_of_options
+from emacm.commands.score import set_costs
 from emacm.files.folder import open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.history.records import record_of, times_of
 from emacm.history.sqlite_history import History, is_history
+from emacm.models.model_files import load_model
 from emacm.recordings.names import printable
 from emacm.reports import inputs
-from emacm.reports.facts import when
+from emacm.reports.facts import model_facts, when
 from emacm.reports.fleet import write_fleet
 from emacm.reports.maintenance import Reports, add_since, read_settings
 from emacm.reports.pages import Page
@@ -47,7 +50,7 @@ class FileReports:
     Parameters
     ----------
     options : Namespace
-        With model, actions, parts, unit and time.
+        With model, cost, priors, actions, parts, unit and time.
     layout : Layout
         Of the files.
     out : Path
@@ -57,7 +60,13 @@ class FileReports:
     def __init__(self, options: argparse.Namespace, layout: Layout, out: Path) -> None:
         actions = None if options.actions is None else inputs.read_actions(options.actions)
         parts = parts_of_options(options) or None
-        self._reports = Reports(read_settings(options.model, actions, parts), out)
+        model = load_model(options.model)
+        set_costs(model, options.cost, options.priors)
+        settings = read_settings(model, actions, parts)
+        facts = model_facts(model, options.model)
+        facts += [("Costs", f"of {options.cost}")] if options.cost else []
+        facts += [("Priors", options.priors)] if options.priors else []
+        self._reports = Reports(replace(settings, facts=facts), out)
         self._layout, self._unit, self._time = layout, options.unit, options.time
         self._out = out
         self._results = options.history if options.command == "report" else options.out

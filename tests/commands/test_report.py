@@ -77,6 +77,20 @@ def run(command, *arguments, paths=("new",)):
 REPORT = ("--actions", "actions.toml", "--parts", "parts.toml", "--unit", "unit", "--time", "day")
 
 
+def test_pages_are_decided_by_the_costs_of_the_command(here):
+    costs = "decision,healthy,worn\nhealthy,0,9\nworn,4,2\ninspect,1,1\n"  # less than deciding worn if it is
+    Path("costs.csv").write_text(costs)
+    Path("inspect.toml").write_text('inspect = "Look at the bearing."\n')
+    options = ("--cost", "costs.csv", "--actions", "inspect.toml")
+    assert run("report", "--out", "pages", *options) == 0
+    assert run("score", "--out", "made.csv", "--report", "reports", *options) == 0
+    assert pd.read_csv("made.csv")["decision"].tolist() == ["healthy", "healthy", "inspect"]
+    for folder in (Path("pages"), Path("reports")):
+        html = (folder / "A_worn_2.html").read_text(encoding="utf-8")
+        assert "Look at the bearing." in html
+        assert "of costs.csv" in html
+
+
 def test_earlier_results_state_since_when(here):
     table = {"recording": ["old/A_worn_0.npz", "old/A_worn_1.npz"], "decision": ["healthy", "worn"]}
     pd.DataFrame(table).to_csv("earlier.csv", index=False)
