@@ -285,6 +285,7 @@ def _report(command: Add) -> None:
     _add_files(add)
     add("--out", Path, "DIR", "folder, or one .html file", default=Path("report"))
     add("--history", _existing, "FILE", "table of earlier results of emacm score")
+    add("--healthy", _existing, "FOLDER", "files of this machine without faults, to compare with")
     _add_costs(add)
     _add_report_options(add)
 

@@ -14,7 +14,7 @@ import pandas as pd
 
 from emacm.commands.find import parts_of_options
 from emacm.commands.score import set_costs
-from emacm.files.folder import open_recording, recording_files
+from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.history.records import record_of, times_of
 from emacm.history.sqlite_history import History, is_history
@@ -62,7 +62,10 @@ class FileReports:
         parts = parts_of_options(options) or None
         model = load_model(options.model)
         set_costs(model, options.cost, options.priors)
-        settings = read_settings(model, actions, parts)
+        background = None
+        if options.command == "report" and options.healthy is not None:
+            background = RecordingFolder(options.healthy, layout, options.pattern)
+        settings = read_settings(model, actions, parts, background=background)
         facts = model_facts(model, options.model)
         facts += [("Costs", f"of {options.cost}")] if options.cost else []
         facts += [("Priors", options.priors)] if options.priors else []

@@ -329,7 +329,10 @@ def _within(
 def _annotate(ax: Any, name: str, place: Any, offset: Any, *, leader: bool, **style: Any) -> None:
     """Write a name outside of the axes, with a line to its place if it was moved."""
     if leader:
-        style["arrowprops"] = {"arrowstyle": "-", "color": "0.5", "shrinkA": 0, "shrinkB": 0}
+        # From the nearest end of the name, so that no line crosses another name.
+        end = {"relpos": (0.0, 0.5) if style["ha"] == "left" else (0.5, 0.0)}
+        line = {"arrowstyle": "-", "color": "0.5", "shrinkA": 0, "shrinkB": 0}
+        style["arrowprops"] = line | end
     style |= {"textcoords": "offset points", "fontsize": SMALL, "annotation_clip": False}
     ax.annotate(name, place, offset, **style)
 

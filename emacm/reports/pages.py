@@ -108,6 +108,8 @@ class Page:
         Facts.
     spectra : mapping of channels to (orders, power)
         Order spectra of the first `OrderPSD` of the model [U²/order, or U²], to be drawn.
+    healthy_spectra : mapping of channels to ndarray of shape (n_orders,)
+        Mean order spectra of the healthy recordings, if these are given.
     deviations : DataFrame, optional
         What is drawn.
     findings : Findings, optional
@@ -139,6 +141,7 @@ class Page:
     recording: Facts = field(default_factory=list)
     model_facts: Facts = field(default_factory=list)
     spectra: Spectra = field(default_factory=dict)
+    healthy_spectra: Mapping[str, NDArray[np.floating]] = field(default_factory=dict)
     deviations: pd.DataFrame | None = None
     findings: Findings | None = None
     units: Mapping[str, str] = field(default_factory=dict)
@@ -345,6 +348,7 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, other: A
         if background is not None:
             spectra = _order_spectra(model, list(background))
             healthy = {channel: powers for channel, (_, powers) in spectra.items()}
+            page.healthy_spectra = {name: powers.mean(axis=0) for name, powers in healthy.items()}
     except (TypeError, ValueError) as error:
         page.notes.append(f"Which orders are raised is not known: {error}")
         return
@@ -355,10 +359,10 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, other: A
     page.deviations, page.findings, page.reference = table, found, str(reference)
     page.normal += found.normal
     page.notes += found.notes
-    of_training = f"training recordings of {str(reference)!r}"
+    of = "healthy recordings given" if healthy else f"training recordings of {str(reference)!r}"
     page.notes.append(
-        f"Deviations are from the mean of the {'background' if healthy else of_training}; those of "
-        f"at least 3 dB and 4 standard deviations are listed."
+        f"Deviations are from the mean of the {of}; those of at least 3 dB and 4 standard "
+        f"deviations are listed."
     )
     if page.spectra and not healthy:
         page.notes.append(

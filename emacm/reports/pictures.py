@@ -75,19 +75,23 @@ def _bars(page: Page) -> pd.DataFrame | None:
 
 
 def _draw_spectrum(page: Page, channel: str, ax: Any) -> None:
-    """Draw the spectrum, and the mean level of the reference in each bin as a density."""
-    if page.deviations is not None:
+    """Draw the spectrum above that of the reference, whose bins are drawn if no more is known."""
+    label = f"mean of {page.reference}"
+    orders, power = page.spectra[channel]
+    spectra: dict[str, Any] = {"this recording": power}
+    if channel in page.healthy_spectra:
+        spectra = {label: page.healthy_spectra[channel]} | spectra
+    elif page.deviations is not None:
         names = page.deviations["channel"].str.rpartition("__")[2]
         own = page.deviations[(names == channel) & page.deviations["reference_level"].notna()]
         own = own[own["high"] > own["low"]].sort_values("low")
         density = own["reference_level"] - 10 * np.log10(own["high"] - own["low"])
         style = {"color": drawing.COLOURS[0], "linewidth": 1.4, "zorder": 3}
-        label = f"mean of {page.reference}"
         ax.hlines(density, own["low"], own["high"], label=label if len(own) else None, **style)
-    orders, power = page.spectra[channel]
     display = OrderSpectrumDisplay(
         orders,
-        {"this recording": power},
+        spectra,
+        healthy=label,
         channel=channel,
         unit=page.units,
         envelopes=page.envelopes,

@@ -78,7 +78,8 @@ REPORT = ("--actions", "actions.toml", "--parts", "parts.toml", "--unit", "unit"
 
 
 def test_pages_are_decided_by_the_costs_of_the_command(here):
-    costs = "decision,healthy,worn\nhealthy,0,9\nworn,4,2\ninspect,1,1\n"  # less than deciding worn if it is
+    # If the bearing is worn, an inspection costs less than deciding so.
+    costs = "decision,healthy,worn\nhealthy,0,9\nworn,4,2\ninspect,1,1\n"
     Path("costs.csv").write_text(costs)
     Path("inspect.toml").write_text('inspect = "Look at the bearing."\n')
     options = ("--cost", "costs.csv", "--actions", "inspect.toml")
@@ -89,6 +90,20 @@ def test_pages_are_decided_by_the_costs_of_the_command(here):
         html = (folder / "A_worn_2.html").read_text(encoding="utf-8")
         assert "Look at the bearing." in html
         assert "of costs.csv" in html
+
+
+def test_with_healthy_files_the_rise_of_a_line_is_exact(here):
+    Path("healthy").mkdir()
+    for day in range(4):
+        write(Path(f"healthy/A_healthy_{day}.npz"), False, 80 + day)
+    arguments = ("--parts", "parts.toml", "--healthy", "healthy", "--out", "worn.html")
+    assert run("report", *arguments, paths=["new/A_worn_2.npz"]) == 0
+    html = Path("worn.html").read_text(encoding="utf-8")
+    assert "mean of the healthy recordings given" in html
+    rise = float(re.search(r"<td>outer race</td><td>vib</td><td>4\.75?\b.*?\+(\d+)", html)[1])
+    # Amplitude 2 over 0.1, in noise of variance 1 over orders 0 to 34.9; a lobe has five lines.
+    line, noise = 2.0**2 / 2, 5 / 4 / 34.9
+    assert rise == pytest.approx(10 * np.log10((line + noise) / (0.1**2 / 2 + noise)), abs=1.5)
 
 
 def test_earlier_results_state_since_when(here):
