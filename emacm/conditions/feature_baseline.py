@@ -13,8 +13,9 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_finite_table, check_real_array
 from emacm._statements import warn
-from emacm.conditions.healthy import ConditionBaseline, check_healthy_rates
+from emacm.conditions.healthy import ConditionBaseline, check_healthy_rates, healthy_recordings
 from emacm.orders.columns import OrderTable, column_names
+from emacm.recordings.meta import read_meta, sorted_conditions
 
 
 class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ignore[call-arg]
@@ -44,6 +45,8 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         Conditions with healthy recordings, sorted if they have an order.
     means_ : dict of condition to ndarray of shape (n_features,)
         The means that are subtracted.
+    n_healthy_ : dict of condition to int
+        Number of recordings in each mean.
     transformer_ : transformer
         The fitted transformer.
 
@@ -168,9 +171,64 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
             healthy = np.concatenate([healthy, _values(transformer.transform(found.further))])
         self._rates = found.rates
         self.means_ = {value: healthy[rows].mean(axis=0) for value, rows in found.rows.items()}
+        self.n_healthy_ = {value: len(rows) for value, rows in found.rows.items()}
         self.transformer_, self.conditions_ = transformer, tuple(self.means_)
         self._report_effect(X, values)
         return self._difference(X, table)
+
+    def left_out_transform(self, X: Any, y: ArrayLike) -> NDArray[np.float64]:
+        """Subtract from each recording the mean of the other healthy ones of its condition.
+
+        Unlike those of `fit_transform`, the differences of healthy recordings scatter like those of
+        new ones: no recording is part of its own mean.
+
+        Parameters
+        ----------
+        X : list of Recording, or other input of the transformer with `meta`
+            Recordings.
+        y : array-like of shape (n_recordings,)
+            Labels.
+
+        Returns
+        -------
+        ndarray of shape (n_recordings, n_features)
+
+        Raises
+        ------
+        TypeError, ValueError
+            As of `transform`, or if a condition has fewer than two healthy recordings.
+        """
+        check_is_fitted(self)
+        values = _values(self.transformer_.transform(X))
+        is_healthy = healthy_recordings(X, y, self.healthy)
+        return left_out_differences(values, read_meta(X, self.condition), is_healthy)
+
+    def add_healthy(self, X: Any) -> FeatureBaseline:
+        """Set the means of further conditions, such as new units; nothing else is learned.
+
+        Parameters
+        ----------
+        X : list of Recording, or other input of the transformer with `meta`
+            Healthy recordings. Their mean replaces that of a condition that is known already.
+
+        Returns
+        -------
+        FeatureBaseline
+            Itself.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As of `transform`.
+        """
+        check_is_fitted(self)
+        check_healthy_rates(X, self._rates)
+        values, conditions = _values(self.transformer_.transform(X)), read_meta(X, self.condition)
+        for value in dict.fromkeys(conditions):
+            own = values[[entry == value for entry in conditions]]
+            self.means_[value], self.n_healthy_[value] = own.mean(axis=0), len(own)
+        self.conditions_ = tuple(sorted_conditions(self.means_))
+        return self
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Return the names of the transformer's features.
@@ -227,6 +285,51 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
     def _difference(self, X: Any, table: Any) -> Any:
         found = self._known_conditions(X)
         return _like(table, _values(table) - np.array([self.means_[value] for value in found]))
+
+
+def left_out_differences(
+    values: NDArray[np.float64], conditions: Sequence[Any], is_healthy: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Subtract from each row the mean of the other healthy rows of its condition.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n_recordings, n_features)
+        Features.
+    conditions : sequence of shape (n_recordings,)
+        Condition of each, such as its unit.
+    is_healthy : ndarray of bool, shape (n_recordings,)
+        Which recordings are healthy.
+
+    Returns
+    -------
+    ndarray of shape (n_recordings, n_features)
+
+    Raises
+    ------
+    ValueError
+        If a condition has fewer than two healthy recordings.
+
+    Examples
+    --------
+    >>> left_out_differences(np.array([[1.0], [3.0], [9.0]]), "AAA", np.array([True, True, False]))
+    array([[-2.],
+           [ 2.],
+           [ 7.]])
+    """
+    differences = np.empty_like(values, dtype=np.float64)
+    for condition in dict.fromkeys(conditions):
+        own = np.array([entry == condition for entry in conditions])
+        healthy = values[own & is_healthy]
+        if len(healthy) < 2:
+            raise ValueError(
+                f"{condition!r} has {len(healthy)} healthy recordings, but at least two are needed "
+                f"to compare each with the others. Add healthy recordings of it, or leave it out."
+            )
+        counted = is_healthy[own][:, np.newaxis]
+        means = (healthy.sum(axis=0) - counted * values[own]) / (len(healthy) - counted)
+        differences[own] = values[own] - means
+    return differences
 
 
 def _values(table: Any) -> NDArray[np.float64]:

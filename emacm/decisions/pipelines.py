@@ -282,5 +282,6 @@ def _members(model: Any, X: Any) -> Iterator[tuple[Any, Any]]:
         return
     parts = [step for _, step in getattr(model, "transformer_list", ())]
     parts += [*getattr(model, "estimators_", ()), getattr(model, "estimator_", None)]
+    parts += [getattr(model, "transformer_", None)]
     parts += [inner.estimator for inner in getattr(model, "calibrated_classifiers_", ())]
     yield from ((part, X) for part in parts if hasattr(part, "fit"))

@@ -24,6 +24,7 @@ from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import search_estimator
 from emacm.machine.fault_lines import FaultLines
+from emacm.orders.band_powers import BandPowers
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.columns import column_names
 from emacm.orders.order_psd import OrderPSD
@@ -61,7 +62,8 @@ def _columns(step: Any, names: Any, scales: Array) -> tuple[Any, Array]:
         return None, scales
     names = step.get_feature_names_out(names)
     if not isinstance(step, FunctionTransformer):
-        known = {BinTransformer: np.inf, OrderPSD: np.inf, FaultLines: 1.0}  # levels in dB
+        powers = dict.fromkeys((BinTransformer, OrderPSD, BandPowers), np.inf)
+        known = powers | {FaultLines: 1.0}  # levels in dB
         scales = np.full(len(names), known.get(type(step), np.nan))
     return names, scales
 

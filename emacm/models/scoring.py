@@ -33,6 +33,7 @@ from emacm.explanations.deviations import second_state_statement
 from emacm.explanations.explain import explain_decision
 from emacm.files.folder import FileRecording
 from emacm.findings.quality import Quality, recording_quality
+from emacm.orders.band_powers import BandPowers
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.recordings.inputs import as_list, described, paths_or_numbers, received, run
 from emacm.recordings.recording import Recording
@@ -405,8 +406,10 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[Stateme
         Load, speed, torque, temperature and pressure in `meta` are stated if they differ by
         more than 10 % from each value of the training; levels from 3 dB beyond the range, speeds,
         lengths and valid orders from 10 %, sampling rates from 0.1 %, a direction of rotation that
-        the training does not have from 10 % of the revolutions; if nothing else is stated, new
-        spectral lines (`BinTransformer.new_lines`), as another speed or gain changes all lines.
+        the training does not have from 10 % of the revolutions; a unit or sensor (see
+        `emacm.findings.training_range.UNITS`) that is not in a training of fewer than five; if
+        nothing else is stated, new spectral lines (`BinTransformer.new_lines`), as another speed or
+        gain changes all lines.
 
     Raises
     ------
@@ -438,15 +441,16 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[Stateme
 
 def _outside_training(model: Any, recording: Any) -> list[Statement]:
     """Return what is stated of one recording, which has one condition."""
-    parts = [*parts_with_input(model, [recording], (OrderResampler, StrokeFeatures))]
+    kinds = OrderResampler, StrokeFeatures, BandPowers
+    parts = [*parts_with_input(model, [recording], kinds)]
     if not parts:
         raise TypeError(
             f"{type(model).__name__} contains no OrderResampler, which knows the range of the "
-            f"training recordings."
+            f"training recordings, and no BandPowers."
         )
     found = [statement for part, X in parts for statement in part.outside_training(X)[0]]
-    if not found:
+    if all(statement.kind == "new unit" for statement in found):
         with suppress(ValueError):  # it may be too short, or so
             bins = parts_with_input(model, [recording], BinTransformer)
-            found = [line for part, X in bins for line in part.new_lines(X)[0]]
+            found += [line for part, X in bins for line in part.new_lines(X)[0]]
     return list(dict.fromkeys(found))

@@ -1,0 +1,203 @@
+"""Models whose features are relative to healthy recordings of the same unit or sensor."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from sklearn.pipeline import Pipeline
+
+from emacm.conditions.feature_baseline import FeatureBaseline, left_out_differences
+from emacm.decisions.pipelines import groups_options, parts_with_input, search_estimator
+from emacm.evaluation.evaluate import evaluate
+from emacm.evaluation.results import Evaluation
+from emacm.machine.fault_orders import Parts
+from emacm.machine.find_faults import find_faults
+from emacm.orders.band_powers import BandPowers
+from emacm.recordings.inputs import as_list, described
+from emacm.recordings.meta import condition_name, read_meta
+from emacm.resampling.order_resampler import OrderResampler
+
+
+def add_baseline(model: Any, recordings: Any, *, parts: Parts | None = None) -> Any:
+    """Return a fitted model that knows healthy recordings of further units or sensors.
+
+    The classifier stays as it is: only the mean features that are subtracted are added, so that
+    nothing has to be trained again. **A fault that is present in all of these recordings would be
+    subtracted, and hidden**; they are checked, and refused if they look like a fault.
+
+    Parameters
+    ----------
+    model : Pipeline
+        Fitted, with a `FeatureBaseline` as its first step and a classifier as its last one; it is
+        not changed.
+    recordings : list of Recording
+        Healthy recordings, at least one of each new unit; their `meta` names it.
+    parts : part, or sequence of parts, optional
+        Components of the machine, of whose faults the recordings must not have lines.
+
+    Returns
+    -------
+    Pipeline
+        A copy; ``model[0].n_healthy_`` gives the number of recordings of each unit.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the model has no such steps, or a recording is invalid or looks faulty: `find_faults`
+        names a fault of `parts`; relative to the other recordings of its unit it is decided to be a
+        fault; or the recordings of a unit together differ from the healthy ones of the most similar
+        unit of the training as a faulty class does.
+
+    See Also
+    --------
+    emacm.FeatureBaseline : The step, with the limits of the method.
+    emacm.outside_training : States which recordings are of a new unit.
+
+    Notes
+    -----
+    Together they look like a fault if the difference of their mean from that of the most similar
+    known unit has a cosine of at least 0.6 with the difference of a faulty class from the healthy
+    ones, both in the metric of the covariance within the classes, and at least half its length in
+    this direction. Another microphone or gain changes the features in other directions.
+    A fault of a kind that the training does not have is not found by this.
+    ``benchmarks/frequency_bands.py`` states how often each is right.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from sklearn.preprocessing import FunctionTransformer
+    >>> from emacm import BandPowers, CostSensitiveGaussianBayes, FeatureBaseline, Recording
+    >>> rng = np.random.default_rng(0)
+    >>> def run(unit, gain, worn):
+    ...     noise = gain * rng.normal(size=(2, 4000))
+    ...     sound = noise[0] + worn * 3 * gain * np.sin(np.arange(4000) * 0.5)
+    ...     return Recording({"sound": sound}, 1000, velocity=10.0, meta={"unit": unit})
+    >>> log = FunctionTransformer(np.log10, feature_names_out="one-to-one")
+    >>> model = make_pipeline(
+    ...     FeatureBaseline(make_pipeline(BandPowers("octave"), log), condition="unit"),
+    ...     CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto"),
+    ... )
+    >>> states = ["healthy"] * 6 + ["worn"] * 6
+    >>> model = model.fit([run("A", 1.0, state == "worn") for state in states], states)
+    >>> model = add_baseline(model, [run("B", 9.0, False) for _ in range(3)])
+    >>> model.predict([run("B", 9.0, False), run("B", 9.0, True)]).tolist()
+    ['healthy', 'worn']
+    """
+    model = copy.deepcopy(search_estimator(model))
+    if not isinstance(model, Pipeline) or not isinstance(model[0], FeatureBaseline):
+        raise TypeError(
+            "the model has no baseline: it must be a Pipeline that begins with a FeatureBaseline. "
+            "Train it so (emacm train --baseline)."
+        )
+    recordings = as_list(recordings)
+    _check_lines(recordings, parts)
+    baseline, known = model[0], dict(model[0].means_)
+    baseline.add_healthy(recordings)
+    conditions = read_meta(recordings, baseline.condition)
+    for value in dict.fromkeys(conditions):
+        own = [row for row, other in enumerate(conditions) if other == value]
+        others = [mean for other, mean in known.items() if other != value]
+        _check_healthy(model, recordings, own, others, condition_name(baseline.condition, value))
+    for part, X in parts_with_input(baseline, recordings, (OrderResampler, BandPowers)):
+        getattr(part, "resampler_", part).extend_range(X)
+    return model
+
+
+def _check_lines(recordings: Sequence[Any], parts: Parts | None) -> None:
+    """Raise if a recording has lines of a fault."""
+    if parts is None:
+        return
+    found = find_faults(recordings, parts)
+    for row in found[~found["named"].isin(["none", "not assessed"])].itertuples():
+        raise ValueError(
+            f"{described(recordings[row.recording], row.recording)} is not healthy: its channel "
+            f"{row.channel!r} has lines of {row.named}. Leave it out of the baseline."
+        )
+
+
+def _check_healthy(
+    model: Pipeline, recordings: Sequence[Any], own: Sequence[int], others: Sequence[Any], unit: str
+) -> None:
+    """Raise if recordings of a unit look like a fault, each by itself or all together."""
+    baseline, classifier = model[0], model[-1]
+    features = np.asarray(baseline.transformer_.transform([recordings[row] for row in own]))
+    labels = classifier.classes_.tolist()
+    healthy = baseline.healthy if isinstance(baseline.healthy, list | tuple) else [baseline.healthy]
+    is_healthy = np.isin(labels, healthy)
+    if len(own) > 1:
+        apart = left_out_differences(features, [unit] * len(own), np.full(len(own), True))
+        likely = classifier.predict_proba(_through(model, apart)).argmax(axis=1)
+        for row, state in zip(own, likely, strict=True):
+            if not is_healthy[state]:
+                raise ValueError(
+                    f"{described(recordings[row], row)} is not like the other healthy ones of "
+                    f"{unit}: relative to them it is {labels[state]!r}. Leave it out of the "
+                    f"baseline."
+                )
+    if not others or not hasattr(classifier, "means_"):
+        return
+    shape = -1, *classifier.means_.shape[1:] * 2
+    root = np.linalg.cholesky(np.mean(np.reshape(classifier.covariances_, shape), axis=0))
+    centre = classifier.means_[is_healthy].mean(axis=0)
+    shifts = np.linalg.solve(root, (_through(model, features.mean(axis=0) - others) - centre).T).T
+    shift = min(shifts, key=np.linalg.norm)
+    for label, mean in zip(labels, classifier.means_, strict=True):
+        fault = np.linalg.solve(root, mean - centre)
+        size, moved = np.linalg.norm(fault), np.linalg.norm(shift)
+        along = float(shift @ fault)
+        # Of other microphones and gains a tenth is like a fault by chance (benchmark above).
+        if label not in healthy and along >= max(0.6 * size * moved, 0.5 * size**2):
+            raise ValueError(
+                f"the {len(own)} recordings of {unit} differ from the healthy ones of the training "
+                f"as those of {label!r} do: a fault would be hidden. Check the machine; if it is "
+                f"known to be healthy, call add_healthy of the FeatureBaseline."
+            )
+
+
+def _through(model: Pipeline, features: Any) -> Any:
+    """Return differences of features as the classifier gets them."""
+    return model[1:-1].transform(features) if len(model) > 2 else features
+
+
+def evaluated_and_fitted(
+    model: Any, X: Any, y: Sequence[Any], groups: Sequence[Any], healthy: Any
+) -> tuple[Evaluation, Any, Any]:
+    """Evaluate a model on groups that are left out, and fit it to all recordings.
+
+    If the model is relative to a baseline, also that of a unit which is left out is known, as when
+    it is commissioned: each healthy recording is relative to the other healthy ones of its unit.
+
+    Parameters
+    ----------
+    model : Pipeline or classifier
+        Not fitted; only a baseline is fitted in place.
+    X : sequence of Recording, or table
+        Recordings, or their features.
+    y, groups : sequence of shape (n_recordings,)
+        State and group of each.
+    healthy : label
+        The healthy state.
+
+    Returns
+    -------
+    evaluation : Evaluation
+    model : Pipeline or classifier
+        Fitted.
+    features : ndarray of shape (n_recordings, n_features)
+        What the classifier was fitted to.
+    """
+    if isinstance(model, Pipeline) and isinstance(model[0], FeatureBaseline):
+        *before, (name, last) = model.steps
+        features = model[0].fit(X, y).left_out_transform(X, y)
+        features = np.asarray(_through(model, features)) if len(before) > 1 else features
+        found = evaluate(last, features, y, units=groups, healthy=healthy)
+        last.fit(features, y, **groups_options(last, groups))
+        return found, Pipeline([*before, (name, last)]), features
+    found = evaluate(model, X, y, units=groups, healthy=healthy)
+    model.fit(X, y, **groups_options(model, groups))
+    features = model[:-1].transform(X) if isinstance(model, Pipeline) else X
+    return found, model, np.asarray(features)
