@@ -91,7 +91,7 @@ class TrainingRange:
         valid orders from 10 %, other sampling rates from 0.1 %, a direction of rotation that the
         training does not have from 10 % of the revolutions, a condition that differs by more than
         10 % from each of the training; a unit or sensor that is not in a training of fewer than
-        five, of which it is not known how they differ.
+        four, of which it is not known how they differ.
 
         Parameters
         ----------

@@ -100,8 +100,8 @@ class BandPowers(NamedColumns):
     overlapping), integrated between the exact edges as `BinTransformer` does. The bands are
     therefore adjacent, and their sum is the variance within the range that they cover; a tone of
     amplitude A gives A²/2 in its band. A segment is 4 divided by the width of the lowest band,
-    which is then as wide as the main lobe of the window: a tone in its middle has no power in the
-    next one. Standstill and all directions are included.
+    which is then as wide as the main lobe of the window: a tone in its middle has less than 1 % of
+    its power in other ones. Standstill and all directions are included.
 
     Powers are usually compared on a logarithmic scale:
     ``make_pipeline(BandPowers(), FunctionTransformer(np.log10, feature_names_out="one-to-one"))``.
