@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from sklearn.pipeline import Pipeline
 
+from emacm._statements import warn
 from emacm.conditions.feature_baseline import FeatureBaseline, left_out_differences
 from emacm.decisions.pipelines import groups_options, parts_with_input, search_estimator
 from emacm.evaluation.evaluate import evaluate
@@ -51,6 +52,12 @@ def add_baseline(model: Any, recordings: Any, *, parts: Parts | None = None) -> 
         fault; or the recordings of a unit together differ from the healthy ones of the most similar
         unit of the training as a faulty class does.
 
+    Warns
+    -----
+    EmacmWarning
+        If the recordings of a unit differ from the known ones by more than a fault does, but in
+        another way, as those of another sensor: then a fault in them cannot be seen.
+
     See Also
     --------
     emacm.FeatureBaseline : The step, with the limits of the method.
@@ -67,10 +74,12 @@ def add_baseline(model: Any, recordings: Any, *, parts: Parts | None = None) -> 
 
     Examples
     --------
+    >>> import warnings
     >>> import numpy as np
     >>> from sklearn.pipeline import make_pipeline
     >>> from sklearn.preprocessing import FunctionTransformer
-    >>> from emacm import BandPowers, CostSensitiveGaussianBayes, FeatureBaseline, Recording
+    >>> from emacm import BandPowers, CostSensitiveGaussianBayes, EmacmWarning, FeatureBaseline
+    >>> from emacm import Recording, add_baseline
     >>> rng = np.random.default_rng(0)
     >>> def run(unit, gain, worn):
     ...     noise = gain * rng.normal(size=(2, 4000))
@@ -83,7 +92,9 @@ def add_baseline(model: Any, recordings: Any, *, parts: Parts | None = None) -> 
     ... )
     >>> states = ["healthy"] * 6 + ["worn"] * 6
     >>> model = model.fit([run("A", 1.0, state == "worn") for state in states], states)
-    >>> model = add_baseline(model, [run("B", 9.0, False) for _ in range(3)])
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("ignore", EmacmWarning)  # B has another gain
+    ...     model = add_baseline(model, [run("B", 9.0, False) for _ in range(3)])
     >>> model.predict([run("B", 9.0, False), run("B", 9.0, True)]).tolist()
     ['healthy', 'worn']
     """
@@ -101,7 +112,10 @@ def add_baseline(model: Any, recordings: Any, *, parts: Parts | None = None) -> 
     for value in dict.fromkeys(conditions):
         own = [row for row, other in enumerate(conditions) if other == value]
         others = [mean for other, mean in known.items() if other != value]
-        _check_healthy(model, recordings, own, others, condition_name(baseline.condition, value))
+        unit = condition_name(baseline.condition, value)
+        beyond = _check_healthy(model, recordings, own, others, unit)
+        if beyond and parts is None:
+            warn("baseline", beyond)
     for part, X in parts_with_input(baseline, recordings, (OrderResampler, BandPowers)):
         getattr(part, "resampler_", part).extend_range(X)
     return model
@@ -121,8 +135,11 @@ def _check_lines(recordings: Sequence[Any], parts: Parts | None) -> None:
 
 def _check_healthy(
     model: Pipeline, recordings: Sequence[Any], own: Sequence[int], others: Sequence[Any], unit: str
-) -> None:
-    """Raise if recordings of a unit look like a fault, each by itself or all together."""
+) -> str:
+    """Raise if recordings of a unit look like a fault, each by itself or all together.
+
+    Return why a fault in all of them would not be seen; "" if it would.
+    """
     baseline, classifier = model[0], model[-1]
     features = np.asarray(baseline.transformer_.transform([recordings[row] for row in own]))
     labels = classifier.classes_.tolist()
@@ -139,23 +156,34 @@ def _check_healthy(
                     f"baseline."
                 )
     if not others or not hasattr(classifier, "means_"):
-        return
+        return ""
     shape = -1, *classifier.means_.shape[1:] * 2
     root = np.linalg.cholesky(np.mean(np.reshape(classifier.covariances_, shape), axis=0))
     centre = classifier.means_[is_healthy].mean(axis=0)
     shifts = np.linalg.solve(root, (_through(model, features.mean(axis=0) - others) - centre).T).T
     shift = min(shifts, key=np.linalg.norm)
+    moved, sizes = float(np.linalg.norm(shift)), {}
     for label, mean in zip(labels, classifier.means_, strict=True):
+        if label in healthy:
+            continue
         fault = np.linalg.solve(root, mean - centre)
-        size, moved = np.linalg.norm(fault), np.linalg.norm(shift)
-        along = float(shift @ fault)
+        sizes[label], along = float(np.linalg.norm(fault)), float(shift @ fault)
         # Of other microphones and gains a tenth is like a fault by chance (benchmark above).
-        if label not in healthy and along >= max(0.6 * size * moved, 0.5 * size**2):
+        if along >= sizes[label] * max(0.6 * moved, 0.5 * sizes[label]):
             raise ValueError(
                 f"the {len(own)} recordings of {unit} differ from the healthy ones of the training "
                 f"as those of {label!r} do: a fault would be hidden. Check the machine; if it is "
                 f"known to be healthy, call add_healthy of the FeatureBaseline."
             )
+    smallest = min(sizes, key=lambda label: sizes[label])
+    if moved <= sizes[smallest]:
+        return ""
+    return (
+        f"the {len(own)} recordings of {unit} differ from the healthy ones of the training as "
+        f"those of another sensor or type do, by {moved / sizes[smallest]:.1f} times as much as "
+        f"{smallest!r}: a fault in all of them is not seen, and would be hidden. Make sure that "
+        f"the machine was healthy, or state its parts"
+    )
 
 
 def _through(model: Pipeline, features: Any) -> Any:
