@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_finite_table, check_real_array
 from emacm._statements import warn
-from emacm.conditions.healthy import ConditionBaseline, check_healthy_rates, healthy_recordings
+from emacm.conditions.healthy import ConditionBaseline, check_healthy_rates
 from emacm.orders.columns import OrderTable, column_names
 from emacm.recordings.meta import read_meta, sorted_conditions
 
@@ -175,33 +175,6 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         self.transformer_, self.conditions_ = transformer, tuple(self.means_)
         self._report_effect(X, values)
         return self._difference(X, table)
-
-    def left_out_transform(self, X: Any, y: ArrayLike) -> NDArray[np.float64]:
-        """Subtract from each recording the mean of the other healthy ones of its condition.
-
-        Unlike those of `fit_transform`, the differences of healthy recordings scatter like those of
-        new ones: no recording is part of its own mean.
-
-        Parameters
-        ----------
-        X : list of Recording, or other input of the transformer with `meta`
-            Recordings.
-        y : array-like of shape (n_recordings,)
-            Labels.
-
-        Returns
-        -------
-        ndarray of shape (n_recordings, n_features)
-
-        Raises
-        ------
-        TypeError, ValueError
-            As of `transform`, or if a condition has fewer than two healthy recordings.
-        """
-        check_is_fitted(self)
-        values = _values(self.transformer_.transform(X))
-        is_healthy = healthy_recordings(X, y, self.healthy)
-        return left_out_differences(values, read_meta(X, self.condition), is_healthy)
 
     def add_healthy(self, X: Any) -> FeatureBaseline:
         """Set the means of further conditions, such as new units; nothing else is learned.

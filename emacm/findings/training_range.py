@@ -71,18 +71,15 @@ class TrainingRange:
 
     def joined(self, other: TrainingRange) -> TrainingRange:
         """Return the range of the recordings of both."""
-        pairs = {name: (*own, *other.ranges[name]) for name, own in self.ranges.items()}
-        units, conditions, machines = (
-            {name: tuple(sorted({*own[name], *more.get(name, ())})) for name in own}
-            for own, more in (
-                (self.units, other.units),
-                (self.conditions, other.conditions),
-                (self.machines, other.machines),
-            )
-        )
-        ranges = {name: (min(pair), max(pair)) for name, pair in pairs.items()}
-        kinds = tuple(sorted({*self.defects, *other.defects}))
-        return TrainingRange(ranges, units, conditions, kinds, machines)
+
+        def values(name: str) -> Any:
+            own, more = getattr(self, name), getattr(other, name)
+            return {key: tuple(sorted({*own[key], *more.get(key, ())})) for key in own}
+
+        ranges = {name: (ends[0], ends[-1]) for name, ends in values("ranges").items()}
+        defects = tuple(sorted({*self.defects, *other.defects}))
+        joined = map(values, ("units", "conditions"))
+        return TrainingRange(ranges, *joined, defects, values("machines"))
 
     def outside(self, quality: Quality, meta: Mapping[Any, Any]) -> list[Statement]:
         """State which properties of a recording are outside the range.
@@ -134,15 +131,12 @@ def _new_units(meta: Mapping[Any, Any], known: Mapping[str, Sequence[str]]) -> I
     least = 4  # so many show how they differ: a convention
     for key, names in known.items():
         if key in meta and str(meta[key]) not in names and len(names) < least:
-            yield Statement(
-                "new unit",
-                "",
+            text = (
                 f"{key} {str(meta[key])!r} was not in the training, which has "
                 f"{', '.join(map(repr, names))}: give healthy recordings of this {key} "
-                f"(add_baseline, emacm score --healthy), or treat its decisions with caution",
-                value=float(len(names)),
-                limit=float(least),
+                f"(add_baseline, emacm score --healthy), or treat its decisions with caution"
             )
+            yield Statement("new unit", "", text, value=float(len(names)), limit=float(least))
 
 
 def _other_conditions(

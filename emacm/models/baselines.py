@@ -11,12 +11,12 @@ from sklearn.pipeline import Pipeline
 
 from emacm._statements import warn
 from emacm.conditions.feature_baseline import FeatureBaseline, left_out_differences
+from emacm.conditions.healthy import healthy_recordings
 from emacm.decisions.pipelines import groups_options, parts_with_input, search_estimator
 from emacm.evaluation.evaluate import evaluate
 from emacm.evaluation.results import Evaluation
 from emacm.machine.fault_orders import Parts
 from emacm.machine.find_faults import find_faults
-from emacm.orders.band_powers import BandPowers
 from emacm.recordings.inputs import as_list, described
 from emacm.recordings.meta import condition_name, read_meta
 from emacm.resampling.order_resampler import OrderResampler
@@ -106,18 +106,17 @@ def add_baseline(model: Any, recordings: Any, *, parts: Parts | None = None) -> 
         )
     recordings = as_list(recordings)
     _check_lines(recordings, parts)
-    baseline, known = model[0], dict(model[0].means_)
+    baseline, known = model[0], [*model[0].means_.values()]
     baseline.add_healthy(recordings)
     conditions = read_meta(recordings, baseline.condition)
     for value in dict.fromkeys(conditions):
         own = [row for row, other in enumerate(conditions) if other == value]
-        others = [mean for other, mean in known.items() if other != value]
         unit = condition_name(baseline.condition, value)
-        beyond = _check_healthy(model, recordings, own, others, unit)
+        beyond = _check_healthy(model, recordings, own, known, unit)
         if beyond and parts is None:
             warn("baseline", beyond)
-    for part, X in parts_with_input(baseline, recordings, (OrderResampler, BandPowers)):
-        getattr(part, "resampler_", part).extend_range(X)
+    for part, X in parts_with_input(baseline, recordings, OrderResampler):
+        part.extend_range(X)
     return model
 
 
@@ -134,7 +133,7 @@ def _check_lines(recordings: Sequence[Any], parts: Parts | None) -> None:
 
 
 def _check_healthy(
-    model: Pipeline, recordings: Sequence[Any], own: Sequence[int], others: Sequence[Any], unit: str
+    model: Pipeline, recordings: Sequence[Any], own: Sequence[int], known: Sequence[Any], unit: str
 ) -> str:
     """Raise if recordings of a unit look like a fault, each by itself or all together.
 
@@ -154,15 +153,19 @@ def _check_healthy(
         for k in np.flatnonzero(is_odd):
             raise ValueError(
                 f"{described(recordings[own[k]], own[k])} is not like the other healthy ones of "
-                f"{unit}: relative to them it is {labels[likely[k]]!r}. Leave it out of the "
-                f"baseline."
+                f"{unit}: relative to them it is most like {labels[likely[k]]!r}. Leave it "
+                f"out of the baseline."
             )
-    if not others or not hasattr(classifier, "means_"):
-        return ""
-    shape = -1, *classifier.means_.shape[1:] * 2
-    root = np.linalg.cholesky(np.mean(np.reshape(classifier.covariances_, shape), axis=0))
+    if not hasattr(classifier, "means_"):
+        return (
+            f"{type(classifier).__name__} does not show whether all recordings of {unit} are faulty"
+        )
+    within, n_features = classifier.covariances_, classifier.means_.shape[1]
+    if getattr(classifier, "covariance", "") == "diag":
+        within = within[:, :, np.newaxis] * np.eye(n_features)
+    root = np.linalg.cholesky(within.reshape(-1, n_features, n_features).mean(axis=0))
     centre = classifier.means_[is_healthy].mean(axis=0)
-    shifts = np.linalg.solve(root, (_through(model, features.mean(axis=0) - others) - centre).T).T
+    shifts = np.linalg.solve(root, (_through(model, features.mean(axis=0) - known) - centre).T).T
     shift = min(shifts, key=np.linalg.norm)
     moved, sizes = float(np.linalg.norm(shift)), {}
     for label, mean in zip(labels, classifier.means_, strict=True):
@@ -204,7 +207,7 @@ def evaluated_and_fitted(
     Parameters
     ----------
     model : Pipeline or classifier
-        Not fitted; only a baseline is fitted in place.
+        It is fitted in place. With a baseline, it has a classifier as its second and last step.
     X : sequence of Recording, or table
         Recordings, or their features.
     y, groups : sequence of shape (n_recordings,)
@@ -220,14 +223,15 @@ def evaluated_and_fitted(
     features : ndarray of shape (n_recordings, n_features)
         What the classifier was fitted to.
     """
-    if isinstance(model, Pipeline) and isinstance(model[0], FeatureBaseline):
-        *before, (name, last) = model.steps
-        features = model[0].fit(X, y).left_out_transform(X, y)
-        features = np.asarray(_through(model, features)) if len(before) > 1 else features
-        found = evaluate(last, features, y, units=groups, healthy=healthy)
-        last.fit(features, y, **groups_options(last, groups))
-        return found, Pipeline([*before, (name, last)]), features
-    found = evaluate(model, X, y, units=groups, healthy=healthy)
-    model.fit(X, y, **groups_options(model, groups))
-    features = model[:-1].transform(X) if isinstance(model, Pipeline) else X
-    return found, model, np.asarray(features)
+    if not isinstance(model, Pipeline) or not isinstance(model[0], FeatureBaseline):
+        found = evaluate(model, X, y, units=groups, healthy=healthy)
+        model.fit(X, y, **groups_options(model, groups))
+        features = model[:-1].transform(X) if isinstance(model, Pipeline) else X
+        return found, model, np.asarray(features)
+    baseline, last = model[0].fit(X, y), model[-1]
+    features, is_healthy = baseline.transformer_.transform(X), healthy_recordings(X, y, healthy)
+    conditions = read_meta(X, baseline.condition)
+    features = left_out_differences(np.asarray(features), conditions, is_healthy)
+    found = evaluate(last, features, y, units=groups, healthy=healthy)
+    last.fit(features, y, **groups_options(last, groups))
+    return found, model, features

@@ -33,7 +33,6 @@ from emacm.explanations.deviations import second_state_statement
 from emacm.explanations.explain import explain_decision
 from emacm.files.folder import FileRecording
 from emacm.findings.quality import Quality, recording_quality
-from emacm.orders.band_powers import BandPowers
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.recordings.inputs import as_list, described, paths_or_numbers, received, run
 from emacm.recordings.recording import Recording
@@ -439,8 +438,8 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[Stateme
     Parameters
     ----------
     model : OrderResampler, Pipeline, ConditionRouter or fitted search
-        Fitted; contains an `OrderResampler`, or features computed from strokes over time, for which
-        the direction of rotation is stated.
+        Fitted; contains an `OrderResampler`, `BandPowers`, or features computed from strokes over
+        time, for which the direction of rotation is stated.
     recordings : list of Recording
         Recordings as for `predict` of the model.
 
@@ -486,8 +485,7 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[Stateme
 
 def _outside_training(model: Any, recording: Any) -> list[Statement]:
     """Return what is stated of one recording, which has one condition."""
-    kinds = OrderResampler, StrokeFeatures, BandPowers
-    parts = [*parts_with_input(model, [recording], kinds)]
+    parts = [*parts_with_input(model, [recording], (OrderResampler, StrokeFeatures))]
     if not parts:
         raise TypeError(
             f"{type(model).__name__} contains no OrderResampler, which knows the range of the "

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, check_number, located
-from emacm._statements import Statement
 from emacm.orders.bins import Band, bin_operator
 from emacm.orders.columns import BinPowers, NamedColumns, number_name
 from emacm.orders.segment_plan import SegmentPlan
@@ -196,22 +195,6 @@ class BandPowers(NamedColumns):
         check_channels(rows, self.channels_, others=self.channels is not None)
         for_each(self._check_row, rows)
         return BinPowers(np.array(for_each(self._powers, rows)), self._columns_out)
-
-    def outside_training(self, X: Any) -> list[list[Statement]]:
-        """State which properties of recordings are outside the range of those of `fit`.
-
-        Parameters
-        ----------
-        X : list of Recording
-            Recordings.
-
-        Returns
-        -------
-        list of list of Statement
-            For each recording, as of `OrderResampler.outside_training`.
-        """
-        check_is_fitted(self)
-        return self.resampler_.outside_training(X)
 
     def __sklearn_tags__(self) -> Any:
         """Declare that X is a list of recordings, not a 2-D table."""

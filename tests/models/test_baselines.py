@@ -5,10 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import signal
+from sklearn.base import clone
 from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
 from emacm import (
+    CostSensitiveGaussianBayes,
     EmacmWarning,
     FeatureBaseline,
     Recording,
@@ -97,7 +100,9 @@ def test_a_fault_is_not_hidden_in_a_baseline(model, state):
     with pytest.warns(EmacmWarning, match="a fault in all of them is not seen"):
         add_baseline(model, [machine(seed, state, "B") for seed in range(300, 304)])
     one_of_them = [*HEALTHY_B, machine(300, state, "B")]
-    with pytest.raises(ValueError, match=f"recording 5 .* relative to them it is '{state}'"):
+    with pytest.raises(
+        ValueError, match=f"recording 5 .* relative to them it is most like '{state}'"
+    ):
         add_baseline(model, one_of_them)
 
 
@@ -116,6 +121,14 @@ def test_lines_of_a_fault_are_not_hidden_in_a_baseline():
         add_baseline(model, [pump(20, "outer", "B")], parts=bearing_of("6205"))
     healthy = [pump(seed, "healthy", "B") for seed in range(21, 24)]
     assert add_baseline(model, healthy, parts=bearing_of("6205"))[0].n_healthy_["B"] == 3
+
+
+@pytest.mark.parametrize("covariance", ["full", "diag"])
+def test_other_classifiers_look_for_faults_in_a_baseline_too(model, covariance):
+    other = CostSensitiveGaussianBayes(covariance=covariance, shrinkage=0.5)
+    other = make_pipeline(clone(model[0]), StandardScaler(), other).fit(X, Y)
+    with pytest.raises(ValueError, match="as those of 'unbalance' do"):
+        add_baseline(other, [machine(seed, "unbalance", "A") for seed in range(300, 304)])
 
 
 def test_a_model_without_a_baseline_is_refused():
