@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft, sparse
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, check_number, located
@@ -82,7 +84,7 @@ class BandPowers(NamedColumns):
     bands_ : dict of str to dict of str to (low, high)
         Edges [Hz] of the bands of each channel, by their name, such as "31.5Hz".
     segment_ : float
-        Length of a segment of Welch's method [s].
+        Least length of a segment of Welch's method [s].
     resampler_ : OrderResampler
         Knows the range of the recordings of `fit`, for `emacm.outside_training`; it does not
         resample anything.
@@ -194,7 +196,8 @@ class BandPowers(NamedColumns):
         rows = as_recordings(X, "BandPowers")
         check_channels(rows, self.channels_, others=self.channels is not None)
         for_each(self._check_row, rows)
-        return BinPowers(np.array(for_each(self._powers, rows)), self._columns_out)
+        powers = partial(self._powers, cache(self._operator))  # most channels have one rate
+        return BinPowers(np.array(for_each(powers, rows)), self._columns_out)
 
     def __sklearn_tags__(self) -> Any:
         """Declare that X is a list of recordings, not a 2-D table."""
@@ -242,14 +245,18 @@ class BandPowers(NamedColumns):
 
     def _n_per_segment(self, rate: float) -> int:
         """Return the samples of a segment; they are even, so that a line is at half the rate."""
-        return 2 * round(self.segment_ * rate / 2)
+        return 2 * fft.next_fast_len(round(self.segment_ * rate / 2), real=True)
 
-    def _powers(self, row: Recording) -> NDArray[np.float64]:
+    def _operator(self, rate: float, own: tuple[Band, ...]) -> tuple[SegmentPlan, Any]:
+        """Return the plan of the segments, and the operator that integrates over bands."""
+        plan = SegmentPlan(rate, n_per_segment=self._n_per_segment(rate))
+        # One sample is 1/rate "revolutions", so that its orders are frequencies [Hz].
+        return plan, sparse.csr_array(bin_operator(plan.orders, own))
+
+    def _powers(self, operator_of: Any, row: Recording) -> NDArray[np.float64]:
         found = []
         for channel, own in self.bands_.items():
-            rate = row.fs[channel]
-            plan = SegmentPlan(rate, n_per_segment=self._n_per_segment(rate))
+            plan, operator = operator_of(row.fs[channel], (*own.values(),))
             signal = (block[np.newaxis] for _, block in blocks(row.series[channel]))
-            (psd,) = plan.average_of([signal])  # the orders of the plan are frequencies [Hz]
-            found.append(bin_operator(plan.orders, [*own.values()]) @ psd)
+            found.append(operator @ plan.average_of([signal])[0])
         return np.concatenate(found)
