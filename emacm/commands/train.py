@@ -7,7 +7,6 @@ import re
 import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from math import floor
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -184,14 +183,15 @@ class _Parts(NamedTuple):
             absolute = np.asarray(model[0].transformer_.transform(X))
             self._cheaper("Baseline", "with a baseline", {"without": absolute})
             return
-        with suppress(ValueError):  # a unit with fewer than two healthy recordings
+        try:
             relative = left_out_differences(self.features, self.groups, is_healthy)
-            for _ in self._cheaper("Baseline", "without", {"with a baseline": relative}):
-                print(
-                    f"- Relative to healthy recordings of the same {options.groups} the decisions "
-                    f"cost less: --baseline {options.groups}, and emacm score --healthy for new "
-                    f"ones."
-                )
+        except ValueError:  # a unit has fewer than two healthy recordings: it is not known
+            return
+        for _ in self._cheaper("Baseline", "without", {"with a baseline": relative}):
+            print(
+                f"- Relative to healthy recordings of the same {options.groups} the decisions cost "
+                f"less: --baseline {options.groups}, and emacm score --healthy for new ones."
+            )
 
     def _cheaper(self, what: str, name: str, others: Mapping[str, Any]) -> list[str]:
         """Print a comparison of features, and return those with which decisions cost less."""
@@ -259,7 +259,7 @@ def _recipe(recordings: RecordingFolder, options: argparse.Namespace) -> Pipelin
     """Return the unfitted pipeline of a recipe, and print up to which order it looks."""
     common: dict[str, Any] = {"min_speed": options.min_speed}
     if options.features == "bands":
-        print("orders: third octaves")
+        print("bands: third octaves")
         return spectrum_recipe("bands", **common)
     max_order, revolutions, supported = extent(recordings, options)
     orders = "" if options.recipe == "bearing" else f"orders up to {max_order:g}, "
