@@ -222,9 +222,3 @@ def test_the_command_line_trains_with_a_baseline_and_adds_one(files, capsys):
     assert np.mean(right) > 0.8
     assert emacm("score plain.emacm new --layout layout.toml --healthy healthy") == 2
     assert emacm("verify model.emacm --layout layout.toml --data train") == 0
-
-
-def test_options_that_contradict_are_refused(files, capsys):
-    train = "train layout.toml train --labels state --groups unit --out m.emacm"
-    assert emacm(train, "--recipe actuator --features bands") == 2
-    assert "--features bands is for --recipe orders only" in capsys.readouterr().err

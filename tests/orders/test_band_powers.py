@@ -180,9 +180,6 @@ def test_a_model_of_bands_knows_the_range_of_its_training(fitted):
     assert stated() == set()
     assert stated(gain=10) == {"level"}
     assert stated(unit="mPa") == {"unit"}
-    x = X[0].signals["sound"]
-    slow = Recording({"sound": x}, 4000, velocity=1.0, meta={"unit": 0})
-    assert "speed" in {s.kind for s in outside_training(fitted, [slow])[0]}
 
 
 def test_a_dead_channel_has_no_decision_and_a_loud_one_is_unknown(fitted, tmp_path):
