@@ -127,9 +127,9 @@ def _print_rates(classifier: Any, evaluation: Evaluation, groups: str) -> None:
     print(", ".join(f"{state}: {prior:.3g}" for state, prior in priors))
     if getattr(classifier, "unknown_rate", None) is not None:
         print(
-            f"At most {100 * classifier.unknown_rate:g} % of the known states are called "
-            f"{classifier.unknown}. This holds for recordings like those that were left out, each "
-            f"{groups} in turn: of other machines, sensors or conditions more are."
+            f"At most {100 * classifier.unknown_rate:g} % of the recordings of known states are "
+            f"called {classifier.unknown}. This holds for recordings like those that were left "
+            f"out, each {groups} in turn: of other machines, sensors or conditions more are."
         )
     print("\nRecordings held out:")
     print(as_texts(evaluation.table).filter(regex=" rate|realised cost").to_string())
