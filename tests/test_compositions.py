@@ -114,6 +114,9 @@ MODELS = {
     "orders and BandPowers": lambda: make_pipeline(
         FeatureUnion([("orders", features()), ("bands", bands())]), bayes()
     ),
+    "FeatureBaseline": lambda: make_pipeline(
+        emacm.FeatureBaseline(features(), condition="load"), bayes()
+    ),
     "ColumnTransformer": by_columns,
     "PosteriorProduct": lambda: emacm.PosteriorProduct(
         by_channel(lambda name: make_pipeline(features(name), bayes(cost=None))), prices(0.5)
@@ -161,7 +164,7 @@ def stated(model, recording):
 
 def classifiers(model):
     """Return the Gaussian classifiers of a model."""
-    return [part for part in parts_of(model) if hasattr(part, "means_")]
+    return [part for part in parts_of(model) if hasattr(part, "covariances_")]
 
 
 def unknown_state(model):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -14,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._checks import check_finite_table, check_real_array
 from emacm._statements import warn
 from emacm.conditions.healthy import ConditionBaseline, check_healthy_rates
+from emacm.decisions.pipelines import groups_options
 from emacm.orders.columns import OrderTable, column_names
 from emacm.recordings.meta import read_meta, sorted_conditions
 
@@ -84,6 +85,9 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
     [0.0, 0.0, 0.5, 0.5]
     """
 
+    needs_groups = True
+    __metadata_request__fit: ClassVar = {"groups": True}  # where metadata routing is enabled
+
     def __init__(
         self,
         transformer: Any,
@@ -95,7 +99,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         super().__init__(condition, healthy, baseline_recordings)
         self.transformer = transformer
 
-    def fit(self, X: Any, y: ArrayLike | None = None) -> FeatureBaseline:
+    def fit(self, X: Any, y: ArrayLike | None = None, groups: Any = None) -> FeatureBaseline:
         """Fit the transformer, and average the features of healthy recordings.
 
         Parameters
@@ -104,6 +108,9 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
             Recordings.
         y : array-like of shape (n_recordings,)
             Labels.
+        groups : array-like of shape (n_recordings,), optional
+            Labels of recordings that were measured together, for the steps of `transformer`, such
+            as `BinTransformer`.
 
         Returns
         -------
@@ -117,7 +124,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
             recording, a recording was sampled at another rate than the healthy ones, or a feature
             is not finite; the message gives the recording or the condition.
         """
-        self.fit_transform(X, y)
+        self.fit_transform(X, y, groups)
         return self
 
     def transform(self, X: Any) -> Any:
@@ -143,7 +150,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         check_healthy_rates(X, self._rates)
         return self._difference(X, self.transformer_.transform(X))
 
-    def fit_transform(self, X: Any, y: ArrayLike | None = None) -> Any:
+    def fit_transform(self, X: Any, y: ArrayLike | None = None, groups: Any = None) -> Any:
         """Fit, and subtract the means, computing the features once.
 
         Parameters
@@ -152,6 +159,9 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
             Recordings.
         y : array-like of shape (n_recordings,)
             Labels.
+        groups : array-like of shape (n_recordings,), optional
+            Labels of recordings that were measured together, for the steps of `transformer`, such
+            as `BinTransformer`.
 
         Returns
         -------
@@ -164,7 +174,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
             )
         found = self._find_healthy(X, y)
         transformer = clone(self.transformer)
-        table = transformer.fit_transform(X, y)
+        table = transformer.fit_transform(X, y, **groups_options(transformer, groups))
         values = _values(table)
         healthy = values[found.mask]
         if found.further:

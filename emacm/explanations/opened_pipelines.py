@@ -19,6 +19,7 @@ from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_finite_table, check_real_array
+from emacm.conditions.feature_baseline import FeatureBaseline
 from emacm.conditions.healthy import are_recordings
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
@@ -46,6 +47,8 @@ def _columns(step: Any, names: Any, scales: Array) -> tuple[Any, Array]:
         for _, inner in _flat_steps(step):
             names, scales = _columns(inner, names, scales)
         return names, scales
+    if isinstance(step, FeatureBaseline):  # a difference of levels is one in dB
+        return _columns(step.transformer_, names, scales)
     if isinstance(step, FeatureUnion):
         parts = [(prefix, *_columns(own, names, scales)) for prefix, own in step.transformer_list]
         if any(own is None for _, own, _ in parts):

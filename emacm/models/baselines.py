@@ -228,7 +228,7 @@ def evaluated_and_fitted(
         model.fit(X, y, **groups_options(model, groups))
         features = model[:-1].transform(X) if isinstance(model, Pipeline) else X
         return found, model, np.asarray(features)
-    baseline, last = model[0].fit(X, y), model[-1]
+    baseline, last = model[0].fit(X, y, groups), model[-1]
     features, is_healthy = baseline.transformer_.transform(X), healthy_recordings(X, y, healthy)
     conditions = read_meta(X, baseline.condition)
     features = left_out_differences(np.asarray(features), conditions, is_healthy)
