@@ -78,8 +78,8 @@ class TrainingRange:
 
         ranges = {name: (ends[0], ends[-1]) for name, ends in values("ranges").items()}
         defects = tuple(sorted({*self.defects, *other.defects}))
-        joined = map(values, ("units", "conditions"))
-        return TrainingRange(ranges, *joined, defects, values("machines"))
+        units, conditions = values("units"), values("conditions")
+        return TrainingRange(ranges, units, conditions, defects, values("machines"))
 
     def outside(self, quality: Quality, meta: Mapping[Any, Any]) -> list[Statement]:
         """State which properties of a recording are outside the range.
