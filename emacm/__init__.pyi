@@ -40,11 +40,14 @@ from .machine.motors import InductionMotor as InductionMotor
 from .machine.motors import Motor as Motor
 from .machine.rolling import BallScrew as BallScrew
 from .machine.rolling import Bearing as Bearing
+from .models.baselines import add_baseline as add_baseline
 from .models.model_files import load_model as load_model
 from .models.model_files import save_model as save_model
 from .models.recipes import actuator_recipe as actuator_recipe
+from .models.recipes import spectrum_recipe as spectrum_recipe
 from .models.scoring import outside_training as outside_training
 from .models.scoring import score as score
+from .orders.band_powers import BandPowers as BandPowers
 from .orders.bin_transformer import BinTransformer as BinTransformer
 from .orders.order_cross_spectrum import OrderCrossSpectrum as OrderCrossSpectrum
 from .orders.order_psd import OrderPSD as OrderPSD
@@ -70,6 +73,7 @@ from .stroke_features.statistics import RecordingStatistics as RecordingStatisti
 
 __all__ = [
     "BallScrew",
+    "BandPowers",
     "Bearing",
     "BinTransformer",
     "CepstralPrewhitening",
@@ -102,6 +106,7 @@ __all__ = [
     "SynchronousAverage",
     "__version__",
     "actuator_recipe",
+    "add_baseline",
     "angle_from_currents",
     "angle_from_position",
     "angle_from_pulses",
@@ -136,4 +141,5 @@ __all__ = [
     "score",
     "set_costs",
     "spectral_kurtosis",
+    "spectrum_recipe",
 ]

@@ -91,6 +91,11 @@ def by_columns():
     return make_pipeline(spectra, ColumnTransformer(selected), bayes())
 
 
+def bands():
+    log = FunctionTransformer(np.log10, feature_names_out="one-to-one")
+    return make_pipeline(emacm.BandPowers(), log)
+
+
 def by_channel(make):
     return [(name, make(name)) for name in ("vibration", "current")]
 
@@ -104,6 +109,13 @@ MODELS = {
     "Pipeline": pipeline,
     "FeatureUnion(n_jobs=2)": lambda: make_pipeline(
         FeatureUnion(by_channel(features), n_jobs=2), bayes()
+    ),
+    "BandPowers": lambda: make_pipeline(bands(), bayes()),
+    "orders and BandPowers": lambda: make_pipeline(
+        FeatureUnion([("orders", features()), ("bands", bands())]), bayes()
+    ),
+    "FeatureBaseline": lambda: make_pipeline(
+        emacm.FeatureBaseline(features(), condition="load"), bayes()
     ),
     "ColumnTransformer": by_columns,
     "PosteriorProduct": lambda: emacm.PosteriorProduct(
@@ -152,7 +164,7 @@ def stated(model, recording):
 
 def classifiers(model):
     """Return the Gaussian classifiers of a model."""
-    return [part for part in parts_of(model) if hasattr(part, "means_")]
+    return [part for part in parts_of(model) if hasattr(part, "covariances_")]
 
 
 def unknown_state(model):
@@ -229,7 +241,7 @@ def table_of(columns):
         re.split(r" *\| *", line)[1:-1] for line in PAGE.read_text().splitlines() if "|" in line
     ]
     head = next(k for k, row in enumerate(rows) if row[0] == "promise" and columns in row[1])
-    names = [name.strip("`") for name in rows[head]]
+    names = [name.replace("`", "") for name in rows[head]]
     cells = {}
     for row in rows[head + 2 :]:
         if row[0] == "promise":

@@ -32,7 +32,7 @@ NOT_RESULTS = """
 0.1 A|0.25 A RMS|513 values|12.5 A², a defect 0.005 A²|√½ = 0.71|reports 72 %|0.72 (bin 11
 0.77 (bin 4|the 600 test runs|turns at 4.8 rev/s|25/2/4.8 = 2.6|severity 0.5 and|severity 0.25 in
 level 1.0 for|0.2 for the degraded|420, 1900 and 5200 Hz|is order 6.25|(14.14)|to 1000 Hz
-rises from 0 to 120 Hz|each power by 0.36|of the 120 runs|ISO 20816-3
+rises from 0 to 120 Hz|each power by 0.36|of the 120 runs|ISO 20816-3|IEC 61260-1
 """
 
 

@@ -33,14 +33,14 @@ Run = Callable[[argparse.Namespace], Any]
 def adder(parser: argparse.ArgumentParser) -> Add:
     """Return a function that adds an option: name, kind, name of its value, and help.
 
-    An option of the kind `bool` has no value.
+    Several names of one option are separated by spaces. An option of the kind `bool` has no value.
     """
 
     def add(name: str, kind: Any, value: str | None, text: str, **options: Any) -> None:
         if kind is bool:
             parser.add_argument(name, action="store_true", help=text)
         else:
-            parser.add_argument(name, type=kind, metavar=value, help=text, **options)
+            parser.add_argument(*name.split(), type=kind, metavar=value, help=text, **options)
 
     return add
 
@@ -176,9 +176,14 @@ def _train(command: Add) -> None:
     recipe = "orders (default): powers in order bins; actuator; bearing: levels of fault lines"
     recipes = ("orders", "actuator", "bearing")
     add("--recipe", str, None, recipe, choices=recipes, default="orders")
+    features = "of the recipe orders: powers in orders (default), in third octaves, or both"
+    add("--features", str, None, features, choices=("orders", "bands", "both"), default="orders")
     _add_parts(add)
     add("--out", _writable, "MODEL", "file of the model", required=True)
-    add("--healthy", str, "LABEL", "label of the healthy state; default: healthy or normal")
+    healthy = "label of the healthy state; default: healthy or normal"
+    add("--healthy --healthy-label", str, "LABEL", healthy)
+    baseline = "subtract healthy features of each unit or sensor: a field of the layout's meta"
+    add("--baseline", str, "FIELD", baseline)
     _add_extent(add)
     _add_costs(add)
     add("--note", str, "TEXT", "text that is stored in the model file")
@@ -196,6 +201,8 @@ def _score(command: Add) -> None:
     )
     _add_model(add)
     _add_files(add)
+    healthy = "healthy files of new units, of a model with --baseline; --bearing checks them"
+    add("--healthy", _existing, "FOLDER", healthy)
     table = "table (.csv, .jsonl) or history (.sqlite) to go on; default: CSV, printed"
     add("--out", _writable, "FILE", table)
     add("--features", bool, None, "store features in the history, for train --like")
@@ -414,6 +421,10 @@ def _check_parts(options: argparse.Namespace) -> None:
 def _check_recipe(options: argparse.Namespace) -> None:
     if options.recipe == "bearing":
         _check_parts(options)
+    if options.features != "orders" and options.recipe != "orders":
+        raise ValueError(f"--features {options.features} is for --recipe orders only.")
+    if options.baseline and options.like:
+        raise ValueError("--like keeps the features of its model: leave --baseline out.")
 
 
 def _add_unit_and_time(add: Add) -> None:

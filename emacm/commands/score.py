@@ -17,19 +17,22 @@ import pandas as pd
 from joblib import effective_n_jobs
 
 from emacm._saved import locked
+from emacm.commands.find import parts_of_options
 from emacm.commands.result_tables import Row, result_table
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.costs import cost_table
 from emacm.decisions.pipelines import final_estimator
 from emacm.decisions.truths import truth_priors
-from emacm.files.folder import open_recording, recording_files
+from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.files.tables import read_table
 from emacm.history.records import identity, record_of, times_of
 from emacm.history.sqlite_history import is_history
+from emacm.models.baselines import add_baseline
 from emacm.models.model_files import load_model, model_description
-from emacm.models.scoring import check_model, scored_rows
+from emacm.models.scoring import batch_statements, check_model, scored_rows
 from emacm.recordings.digests import digest_of_file, model_digest
+from emacm.recordings.meta import condition_name, read_meta
 from emacm.recordings.names import printable
 from emacm.reports.facts import decisions_of
 from emacm.reports.inputs import unit_named
@@ -48,6 +51,8 @@ def run(options: argparse.Namespace) -> int:
     layout, model = Layout.from_toml(options.layout), load_model(options.model)
     check_model(model)
     set_costs(model, options.cost, options.priors)
+    if options.healthy is not None:
+        model = _with_baseline(model, layout, options)
     alarms = _alarms(model, options.fail_on)
     recording_files(options.paths, layout, options.pattern, may_be_empty=options.watch is not None)
     with nullcontext() if options.out is None else locked(options.out.resolve()):
@@ -56,6 +61,8 @@ def run(options: argparse.Namespace) -> int:
         while options.watch is not None:
             time.sleep(options.watch)
             rows = work.once()
+    for statement in batch_statements([row.get("typicality") or np.nan for row in rows]):
+        print(f"emacm: WARNING: {statement}.", file=sys.stderr)
     if options.out is not None:
         print(_summary(rows, options.out))
     if any(str(row["decision"]) in alarms for row in rows):
@@ -63,16 +70,31 @@ def run(options: argparse.Namespace) -> int:
     return FAILED if any(row["error"] for row in rows) else 0
 
 
+def _with_baseline(model: Any, layout: Layout, options: argparse.Namespace) -> Any:
+    """Return the model with the baseline of healthy files, and print how many there are."""
+    folder = RecordingFolder(options.healthy, layout, options.pattern)
+    model = add_baseline(model, folder, parts=parts_of_options(options) or None)
+    key = model[0].condition
+    for value in dict.fromkeys(read_meta(folder, key)):
+        n = model[0].n_healthy_[value]
+        text = f"{condition_name(key, value)}: a baseline of {n} healthy files"
+        few = "; its own scatter is in every difference: give at least two" if n < 2 else ""
+        print(f"emacm: {text}{few}.", file=sys.stderr)
+    return model
+
+
 class _Work:
     """The files to decide on, and the table of results."""
 
     def __init__(self, model: Any, layout: Layout, options: argparse.Namespace) -> None:
         self._model, self._layout, self._options = model, layout, options
+        digest = model_digest(model)
         costs = options.cost.read_text(encoding="utf-8") if options.cost else None
-        settings = (digest_of_file(options.model), layout.key, repr(layout.meta), costs)
+        used = digest_of_file(options.model) + ("" if options.healthy is None else digest)
+        settings = (used, layout.key, repr(layout.meta), costs)
         self._settings_digest = sha256(repr((*settings, options.priors)).encode()).hexdigest()
         note = model_description(options.model)["note"] or ""
-        self._same = {"model": model_digest(model), "model_note": note}
+        self._same = {"model": digest, "model_note": note}
         self._reported = time.monotonic()
         self._table = result_table(options.out, model, with_features=options.features)
         self._reports: Any = None

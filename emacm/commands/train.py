@@ -6,23 +6,24 @@ import argparse
 import re
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import floor
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from joblib import parallel_config
+from numpy.typing import NDArray
 from sklearn.base import clone
 from sklearn.pipeline import Pipeline, make_pipeline
-from sklearn.preprocessing import FunctionTransformer
 
 from emacm._checks import check_number
 from emacm.commands.find import parts_of_options
 from emacm.commands.score import set_costs
+from emacm.conditions.feature_baseline import FeatureBaseline, left_out_differences
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
-from emacm.decisions.pipelines import final_estimator, groups_options
+from emacm.decisions.pipelines import final_estimator
 from emacm.evaluation.comparison import compare
 from emacm.evaluation.evaluate import evaluate
 from emacm.evaluation.results import Evaluation, as_texts
@@ -31,12 +32,12 @@ from emacm.files.layout import Layout
 from emacm.history.sqlite_history import History
 from emacm.machine.bearing_recipe import bearing_recipe
 from emacm.machine.fault_orders import fault_series
+from emacm.models.baselines import evaluated_and_fitted
 from emacm.models.evidence import training_evidence
 from emacm.models.model_files import load_model, save_model
-from emacm.models.recipes import actuator_recipe
-from emacm.orders.bin_transformer import BinTransformer
-from emacm.orders.order_psd import OrderPSD
+from emacm.models.recipes import actuator_recipe, spectrum_recipe
 from emacm.recordings.digests import model_digest
+from emacm.recordings.meta import read_meta
 from emacm.recordings.names import printable
 from emacm.reports.facts import healthy_label
 from emacm.reports.inputs import meta_value
@@ -69,16 +70,23 @@ def run(options: argparse.Namespace) -> int:
     set_costs(model, options.cost, options.priors, labels)
     print(f"{len(labels)} recordings, {len(set(groups))} groups ({options.groups})")
     print(pd.Series(labels).value_counts().sort_index().to_string())
+    if options.baseline is not None:
+        relative = FeatureBaseline(model[:-1], condition=options.baseline, healthy=healthy)
+        model = make_pipeline(relative, model[-1])
     with parallel_config(n_jobs=options.jobs):
-        evaluation = evaluate(model, X, labels, units=groups, healthy=healthy)
+        evaluation, model, features = evaluated_and_fitted(model, X, labels, groups, healthy)
     for caveat in evaluation.caveats:
         print(f"- {caveat}")
-    model.fit(X, labels, **groups_options(model, groups))
-    _print_rates(final_estimator(model), evaluation)
+    _print_rates(final_estimator(model), evaluation, options.groups)
     keys = (options.labels, options.groups)
     stated = {"keys": keys, "intended_use": options.intended_use, "limits": options.limits}
     if options.like is None:
-        _print_channels(model, X, labels, groups, evaluation)
+        names = model[:-1].get_feature_names_out()
+        parts = _Parts(model[-1], features, labels, groups, evaluation)
+        parts.print_channels(X[0].channels, names)
+        if options.features == "both":
+            parts.print_features(names)
+        parts.print_baseline(model, X, options)
         stated |= {"recordings": X, "model": model}
     else:
         print("- The range of the training and its spectral lines are those of the first training.")
@@ -110,13 +118,19 @@ def _stored_features(model: Pipeline, options: argparse.Namespace) -> tuple[list
     return names, features
 
 
-def _print_rates(classifier: Any, evaluation: Evaluation) -> None:
+def _print_rates(classifier: Any, evaluation: Evaluation, groups: str) -> None:
     """Print costs and priors in force, the rates with their yardsticks, and the confusions."""
     costs = pd.DataFrame(classifier.cost_, classifier.decisions_, classifier.truths_)
     print("\nCosts (rows: decisions, columns: true states), and priors of the states:")
     print(costs.rename_axis("decision").to_string())
     priors = zip(classifier.classes_, classifier.priors_, strict=True)
     print(", ".join(f"{state}: {prior:.3g}" for state, prior in priors))
+    if getattr(classifier, "unknown_rate", None) is not None:
+        print(
+            f"At most {100 * classifier.unknown_rate:g} % of the recordings of known states are "
+            f"called {classifier.unknown}. This holds for recordings like those that were left "
+            f"out, each {groups} in turn: of other machines, sensors or conditions more are."
+        )
     print("\nRecordings held out:")
     print(as_texts(evaluation.table).filter(regex=" rate|realised cost").to_string())
     print("Cost of the same decision for every recording:")
@@ -128,38 +142,74 @@ def _print_rates(classifier: Any, evaluation: Evaluation) -> None:
     print(evaluation.confusions["by unit"].to_string())
 
 
-def _print_channels(
-    model: Pipeline,
-    recordings: RecordingFolder,
-    labels: Sequence[Any],
-    groups: Sequence[Any],
-    evaluation: Evaluation,
-) -> None:
-    """Print what the decisions on whole units cost without each channel, and warn if less."""
-    channels, healthy = recordings[0].channels, evaluation.scoring.healthy
-    if len(channels) < 2:
-        return
-    features = np.asarray(model[:-1].transform(recordings))
-    # The longest name first: "drive" is also the beginning of "drive end".
-    longest_first = "|".join(map(re.escape, sorted(channels, key=len, reverse=True)))
-    of_channel = re.compile(rf"(?:^|\*)({longest_first})(?!\w)")
-    channels_of = [of_channel.findall(name) for name in model[:-1].get_feature_names_out()]
-    evaluations = {"all channels": evaluation}
-    for channel in channels:
-        kept = [channel not in own for own in channels_of]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # as for all channels
-            part = evaluate(model[-1], features[:, kept], labels, units=groups, healthy=healthy)
-        evaluations[f"without {channel}"] = part
-    compared = compare(evaluations, scheme="by unit")
-    print("Channels, whole units held out:")
-    print(compared.summary().filter(regex=" rate|realised cost").to_string())
-    differences = compared.differences.filter(regex="^realised_cost")
-    print("Difference of the cost from that with all channels:")
-    print(as_texts(differences).to_string())
-    for name, highest in differences["realised_cost_high"].items():
-        if highest < 0:
-            print(f"- {str(name).capitalize()} the decisions cost less: name the other channels.")
+class _Parts(NamedTuple):
+    """Decisions on whole units from parts of the features, or from others."""
+
+    classifier: Any
+    features: NDArray[np.float64]
+    labels: Sequence[Any]
+    groups: Sequence[Any]
+    evaluation: Evaluation
+
+    def print_channels(self, channels: Sequence[str], names: Sequence[str]) -> None:
+        """Print what the decisions cost without each channel, and warn if less."""
+        if len(channels) < 2:
+            return
+        # The longest name first: "drive" is also the beginning of "drive end".
+        longest_first = "|".join(map(re.escape, sorted(channels, key=len, reverse=True)))
+        of_channel = re.compile(rf"(?:^|\*)({longest_first})(?!\w)")
+        channels_of = [of_channel.findall(name) for name in names]
+        kept = {
+            f"without {channel}": self.features[:, [channel not in own for own in channels_of]]
+            for channel in channels
+        }
+        for name in self._cheaper("Channels", "all channels", kept):
+            print(f"- {name.capitalize()} the decisions cost less: name the other channels.")
+
+    def print_features(self, names: Sequence[str]) -> None:
+        """Print what the decisions cost with order bins or bands only, and warn if less."""
+        is_band = np.array([name.endswith("Hz") for name in names])
+        kept = {"orders": self.features[:, ~is_band], "bands": self.features[:, is_band]}
+        for name in self._cheaper("Features", "both", kept):
+            print(f"- With {name} only the decisions cost less: --features {name}.")
+
+    def print_baseline(self, model: Pipeline, X: Any, options: argparse.Namespace) -> None:
+        """Print what a baseline of each unit gains, where units have healthy recordings."""
+        is_healthy = np.array([label == self.evaluation.scoring.healthy for label in self.labels])
+        if options.baseline is not None:
+            counts = pd.Series(read_meta(X, options.baseline))[is_healthy].value_counts()
+            listed = ", ".join(f"{name}: {count}" for name, count in counts.sort_index().items())
+            print(f"Healthy recordings in the baseline of each {options.baseline}: {listed}.")
+            absolute = np.asarray(model[0].transformer_.transform(X))
+            self._cheaper("Baseline", "with a baseline", {"without": absolute})
+            return
+        try:
+            relative = left_out_differences(self.features, self.groups, is_healthy)
+        except ValueError:  # a unit has fewer than two healthy recordings: it is not known
+            return
+        for _ in self._cheaper("Baseline", "without", {"with a baseline": relative}):
+            print(
+                f"- Relative to healthy recordings of the same {options.groups} the decisions cost "
+                f"less: --baseline {options.groups}, and emacm score --healthy for new ones."
+            )
+
+    def _cheaper(self, what: str, name: str, others: Mapping[str, Any]) -> list[str]:
+        """Print a comparison of features, and return those with which decisions cost less."""
+        evaluations, healthy = {name: self.evaluation}, self.evaluation.scoring.healthy
+        for other, features in others.items():
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)  # as for the first
+                evaluations[other] = evaluate(
+                    self.classifier, features, self.labels, units=self.groups, healthy=healthy
+                )
+        compared = compare(evaluations, scheme="by unit")
+        print(f"{what}, whole units held out:")
+        print(compared.summary().filter(regex=" rate|realised cost").to_string())
+        differences = compared.differences.filter(regex="^realised_cost")
+        print(f"Difference of the cost from that of {name!r}:")
+        print(as_texts(differences).to_string())
+        highest = differences["realised_cost_high"]
+        return [str(name) for name in highest.index[highest < 0]]
 
 
 def extent(recordings: RecordingFolder, options: argparse.Namespace) -> tuple[float, float, float]:
@@ -207,29 +257,20 @@ def extent(recordings: RecordingFolder, options: argparse.Namespace) -> tuple[fl
 
 def _recipe(recordings: RecordingFolder, options: argparse.Namespace) -> Pipeline:
     """Return the unfitted pipeline of a recipe, and print up to which order it looks."""
+    common: dict[str, Any] = {"min_speed": options.min_speed}
+    if options.features == "bands":
+        print("bands: third octaves")
+        return spectrum_recipe("bands", **common)
     max_order, revolutions, supported = extent(recordings, options)
     orders = "" if options.recipe == "bearing" else f"orders up to {max_order:g}, "
     if orders and max_order < supported:
         orders += f"the files support {supported:g} (if states are confused, raise --max-order), "
     print(f"{options.recipe}: {orders}segments of {revolutions:g} revolutions")
-    common: dict[str, Any] = {"revolutions": revolutions, "min_speed": options.min_speed}
+    common |= {"revolutions": revolutions}
     if options.recipe == "actuator":
         return actuator_recipe(max_order=max_order, **common)
+    if options.recipe == "orders":
+        return spectrum_recipe(options.features, max_order=max_order, **common)
     unknown: dict[str, Any] = {"unknown": "unknown", "unknown_rate": 0.02, "temperature": "groups"}
     classifier = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", **unknown)
-    if options.recipe == "bearing":
-        return bearing_recipe(parts_of_options(options), classifier=classifier, **common)
-    return make_pipeline(*order_levels(max_order, **common), classifier)
-
-
-def order_levels(max_order: float, revolutions: float, min_speed: float) -> list[Any]:
-    """Return the steps from recordings to logarithms of the powers in order bins.
-
-    With 2.6 samples per cycle of the highest order, the filter of the resampling is still flat.
-    """
-    return [
-        OrderResampler(2 * np.pi / (2.6 * max_order), min_speed=min_speed),
-        OrderPSD(revolutions, max_order=max_order),
-        BinTransformer(max(1.0, 2 / revolutions), max_order=max_order),
-        FunctionTransformer(np.log10, feature_names_out="one-to-one"),
-    ]
+    return bearing_recipe(parts_of_options(options), classifier=classifier, **common)

@@ -20,12 +20,13 @@ from emacm._saved import written_whole
 from emacm.alarms.health_index import HealthIndex, health_trend
 from emacm.calibration.left_out import groups_needed
 from emacm.commands.find import parts_of_options
-from emacm.commands.train import extent, order_levels
+from emacm.commands.train import extent
 from emacm.envelopes.envelope_detector import EnvelopeDetector
 from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.machine.bearing_recipe import bearing_recipe
 from emacm.machine.severity_zones import severity_zone, vibration_indicators
+from emacm.models.recipes import order_levels
 from emacm.recordings.meta import read_meta
 from emacm.recordings.names import printable
 from emacm.reports.inputs import as_cell, units_and_times

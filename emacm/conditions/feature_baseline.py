@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -14,7 +14,9 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._checks import check_finite_table, check_real_array
 from emacm._statements import warn
 from emacm.conditions.healthy import ConditionBaseline, check_healthy_rates
+from emacm.decisions.pipelines import groups_options
 from emacm.orders.columns import OrderTable, column_names
+from emacm.recordings.meta import read_meta, sorted_conditions
 
 
 class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ignore[call-arg]
@@ -44,6 +46,8 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         Conditions with healthy recordings, sorted if they have an order.
     means_ : dict of condition to ndarray of shape (n_features,)
         The means that are subtracted.
+    n_healthy_ : dict of condition to int
+        Number of recordings in each mean.
     transformer_ : transformer
         The fitted transformer.
 
@@ -81,6 +85,9 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
     [0.0, 0.0, 0.5, 0.5]
     """
 
+    needs_groups = True
+    __metadata_request__fit: ClassVar = {"groups": True}  # where metadata routing is enabled
+
     def __init__(
         self,
         transformer: Any,
@@ -92,7 +99,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         super().__init__(condition, healthy, baseline_recordings)
         self.transformer = transformer
 
-    def fit(self, X: Any, y: ArrayLike | None = None) -> FeatureBaseline:
+    def fit(self, X: Any, y: ArrayLike | None = None, groups: Any = None) -> FeatureBaseline:
         """Fit the transformer, and average the features of healthy recordings.
 
         Parameters
@@ -101,6 +108,9 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
             Recordings.
         y : array-like of shape (n_recordings,)
             Labels.
+        groups : array-like of shape (n_recordings,), optional
+            Labels of recordings that were measured together, for the steps of `transformer`, such
+            as `BinTransformer`.
 
         Returns
         -------
@@ -114,7 +124,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
             recording, a recording was sampled at another rate than the healthy ones, or a feature
             is not finite; the message gives the recording or the condition.
         """
-        self.fit_transform(X, y)
+        self.fit_transform(X, y, groups)
         return self
 
     def transform(self, X: Any) -> Any:
@@ -140,7 +150,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         check_healthy_rates(X, self._rates)
         return self._difference(X, self.transformer_.transform(X))
 
-    def fit_transform(self, X: Any, y: ArrayLike | None = None) -> Any:
+    def fit_transform(self, X: Any, y: ArrayLike | None = None, groups: Any = None) -> Any:
         """Fit, and subtract the means, computing the features once.
 
         Parameters
@@ -149,6 +159,9 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
             Recordings.
         y : array-like of shape (n_recordings,)
             Labels.
+        groups : array-like of shape (n_recordings,), optional
+            Labels of recordings that were measured together, for the steps of `transformer`, such
+            as `BinTransformer`.
 
         Returns
         -------
@@ -161,16 +174,44 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
             )
         found = self._find_healthy(X, y)
         transformer = clone(self.transformer)
-        table = transformer.fit_transform(X, y)
+        table = transformer.fit_transform(X, y, **groups_options(transformer, groups))
         values = _values(table)
         healthy = values[found.mask]
         if found.further:
             healthy = np.concatenate([healthy, _values(transformer.transform(found.further))])
         self._rates = found.rates
         self.means_ = {value: healthy[rows].mean(axis=0) for value, rows in found.rows.items()}
+        self.n_healthy_ = {value: len(rows) for value, rows in found.rows.items()}
         self.transformer_, self.conditions_ = transformer, tuple(self.means_)
         self._report_effect(X, values)
         return self._difference(X, table)
+
+    def add_healthy(self, X: Any) -> FeatureBaseline:
+        """Set the means of further conditions, such as new units; nothing else is learned.
+
+        Parameters
+        ----------
+        X : list of Recording, or other input of the transformer with `meta`
+            Healthy recordings. Their mean replaces that of a condition that is known already.
+
+        Returns
+        -------
+        FeatureBaseline
+            Itself.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As of `transform`.
+        """
+        check_is_fitted(self)
+        check_healthy_rates(X, self._rates)
+        values, conditions = _values(self.transformer_.transform(X)), read_meta(X, self.condition)
+        for value in dict.fromkeys(conditions):
+            own = values[[entry == value for entry in conditions]]
+            self.means_[value], self.n_healthy_[value] = own.mean(axis=0), len(own)
+        self.conditions_ = tuple(sorted_conditions(self.means_))
+        return self
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Return the names of the transformer's features.
@@ -227,6 +268,51 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
     def _difference(self, X: Any, table: Any) -> Any:
         found = self._known_conditions(X)
         return _like(table, _values(table) - np.array([self.means_[value] for value in found]))
+
+
+def left_out_differences(
+    values: NDArray[np.float64], conditions: Sequence[Any], is_healthy: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Subtract from each row the mean of the other healthy rows of its condition.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n_recordings, n_features)
+        Features.
+    conditions : sequence of shape (n_recordings,)
+        Condition of each, such as its unit.
+    is_healthy : ndarray of bool, shape (n_recordings,)
+        Which recordings are healthy.
+
+    Returns
+    -------
+    ndarray of shape (n_recordings, n_features)
+
+    Raises
+    ------
+    ValueError
+        If a condition has fewer than two healthy recordings.
+
+    Examples
+    --------
+    >>> left_out_differences(np.array([[1.0], [3.0], [9.0]]), "AAA", np.array([True, True, False]))
+    array([[-2.],
+           [ 2.],
+           [ 7.]])
+    """
+    differences = np.empty_like(values, dtype=np.float64)
+    for condition in dict.fromkeys(conditions):
+        own = np.array([entry == condition for entry in conditions])
+        healthy = values[own & is_healthy]
+        if len(healthy) < 2:
+            raise ValueError(
+                f"{condition!r} has {len(healthy)} healthy recordings, but at least two are needed "
+                f"to compare each with the others. Add healthy recordings of it, or leave it out."
+            )
+        counted = is_healthy[own][:, np.newaxis]
+        means = (healthy.sum(axis=0) - counted * values[own]) / (len(healthy) - counted)
+        differences[own] = values[own] - means
+    return differences
 
 
 def _values(table: Any) -> NDArray[np.float64]:

@@ -101,7 +101,8 @@ class ConditionBaseline(  # type: ignore[call-arg]
                 raise ValueError(
                     f"{entry_name(X, index)} has {condition_name(self.condition, value)}, but "
                     f"there are healthy recordings of {list(self.conditions_)} only. Give "
-                    f"healthy recordings of it as baseline_recordings, or train with them."
+                    f"healthy recordings of it (FeatureBaseline: add_baseline, emacm score "
+                    f"--healthy; otherwise baseline_recordings), or train with them."
                 )
         return conditions
 

@@ -80,8 +80,9 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
     unknown_rate : None or float, default=None
         Accepted mean share of known recordings whose most probable state is the unknown one: those
         with a typicality of at most `unknown_limit_`. It holds for recordings of units like those
-        left out. The prior of the unknown state follows from it, without costs, unless `priors`
-        state that prior; see the notes. Needs `unknown`.
+        left out: of other machines, sensors or conditions more are called unknown, and `score`
+        states it where recordings are shifted as a whole. The prior of the unknown state follows
+        from it, without costs, unless `priors` state that prior; see the notes. Needs `unknown`.
 
     Attributes
     ----------

@@ -281,6 +281,7 @@ def _members(model: Any, X: Any) -> Iterator[tuple[Any, Any]]:
                 yield part, X[columns] if isinstance(X, pd.DataFrame) else X[:, columns]
         return
     parts = [step for _, step in getattr(model, "transformer_list", ())]
-    parts += [*getattr(model, "estimators_", ()), getattr(model, "estimator_", None)]
-    parts += [inner.estimator for inner in getattr(model, "calibrated_classifiers_", ())]
+    inner = ("estimator_", "transformer_", "resampler_")
+    parts += [*getattr(model, "estimators_", ()), *(getattr(model, name, None) for name in inner)]
+    parts += [part.estimator for part in getattr(model, "calibrated_classifiers_", ())]
     yield from ((part, X) for part in parts if hasattr(part, "fit"))

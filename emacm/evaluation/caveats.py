@@ -119,6 +119,10 @@ def _table_caveats(table: pd.DataFrame) -> dict[str, pd.Series]:
         "interval of {}. Rely on the split that holds out what will be new in service.": (
             random > high
         ),
+        "New units are decided worse than other recordings of known ones ({}): give healthy "
+        "recordings of each unit as its baseline (FeatureBaseline, add_baseline), or train with "
+        "more units.": (table.index == "by unit")
+        & (high < low.drop("by unit", errors="ignore").max()),
         "The realised cost of {} is above the cost that the posterior probabilities predict: "
         'they are over-confident. See temperature="groups".': (
             costs["realised_cost_low"] > costs["predicted_cost_high"]

@@ -19,11 +19,13 @@ from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_finite_table, check_real_array
+from emacm.conditions.feature_baseline import FeatureBaseline
 from emacm.conditions.healthy import are_recordings
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import search_estimator
 from emacm.machine.fault_lines import FaultLines
+from emacm.orders.band_powers import BandPowers
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.columns import column_names
 from emacm.orders.order_psd import OrderPSD
@@ -45,6 +47,8 @@ def _columns(step: Any, names: Any, scales: Array) -> tuple[Any, Array]:
         for _, inner in _flat_steps(step):
             names, scales = _columns(inner, names, scales)
         return names, scales
+    if isinstance(step, FeatureBaseline):  # a difference of levels is one in dB
+        return _columns(step.transformer_, names, scales)
     if isinstance(step, FeatureUnion):
         parts = [(prefix, *_columns(own, names, scales)) for prefix, own in step.transformer_list]
         if any(own is None for _, own, _ in parts):
@@ -61,7 +65,8 @@ def _columns(step: Any, names: Any, scales: Array) -> tuple[Any, Array]:
         return None, scales
     names = step.get_feature_names_out(names)
     if not isinstance(step, FunctionTransformer):
-        known = {BinTransformer: np.inf, OrderPSD: np.inf, FaultLines: 1.0}  # levels in dB
+        powers = dict.fromkeys((BinTransformer, OrderPSD, BandPowers), np.inf)
+        known = powers | {FaultLines: 1.0}  # levels in dB
         scales = np.full(len(names), known.get(type(step), np.nan))
     return names, scales
 

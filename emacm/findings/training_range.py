@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 from numbers import Real
 from typing import Any
@@ -18,6 +18,8 @@ Range = tuple[float, float]
 
 # Keys of `meta` that are operating conditions, unlike numbers of units and of runs.
 CONDITIONS = ("load", "speed", "torque", "temperature", "pressure")
+# Keys that identify the machine or the sensor.
+UNITS = ("unit", "machine", "asset", "sensor", "device", "microphone")
 _NEAR = 1.1  # factor by which speeds, lengths, orders and conditions may differ: a convention
 _LEVEL = 3.0  # dB beyond the range from which a level is stated: a convention
 
@@ -39,12 +41,15 @@ class TrainingRange:
         Values of load, speed, torque, temperature and pressure, of those that all `meta` have.
     defects : tuple of str
         Kinds of the defects that occur in the training: these are usual.
+    machines : dict of str to tuple of str
+        Values of "unit", "machine", "asset", "sensor", "device" and "microphone", as texts.
     """
 
     ranges: dict[str, Range]
     units: dict[str, tuple[str, ...]]
     conditions: dict[str, tuple[float, ...]]
     defects: tuple[str, ...]
+    machines: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, qualities: Sequence[Quality], metas: Iterable[Mapping[Any, Any]]) -> TrainingRange:
@@ -59,7 +64,22 @@ class TrainingRange:
         stated = dict.fromkeys(pair for quality in qualities for pair in quality.units.items())
         units = {name: tuple(u for other, u in stated if other == name) for name, _ in stated}
         kinds = {defect.kind for quality in qualities for defect in quality.defects}
-        return cls(ranges, units, _conditions(list(metas)), tuple(sorted(kinds)))
+        metas = list(metas)
+        named = {key: {str(meta[key]) for meta in metas if key in meta} for key in UNITS}
+        machines = {key: tuple(sorted(names)) for key, names in named.items() if names}
+        return cls(ranges, units, _conditions(metas), tuple(sorted(kinds)), machines)
+
+    def joined(self, other: TrainingRange) -> TrainingRange:
+        """Return the range of the recordings of both."""
+
+        def values(name: str) -> Any:
+            own, more = getattr(self, name), getattr(other, name)
+            return {key: tuple(sorted({*own[key], *more.get(key, ())})) for key in own}
+
+        ranges = {name: (ends[0], ends[-1]) for name, ends in values("ranges").items()}
+        defects = tuple(sorted({*self.defects, *other.defects}))
+        units, conditions = values("units"), values("conditions")
+        return TrainingRange(ranges, units, conditions, defects, values("machines"))
 
     def outside(self, quality: Quality, meta: Mapping[Any, Any]) -> list[Statement]:
         """State which properties of a recording are outside the range.
@@ -67,7 +87,8 @@ class TrainingRange:
         Levels are stated from 3 dB beyond the range, speeds from 10 %, shorter recordings and lower
         valid orders from 10 %, other sampling rates from 0.1 %, a direction of rotation that the
         training does not have from 10 % of the revolutions, a condition that differs by more than
-        10 % from each of the training.
+        10 % from each of the training; a unit or sensor that is not in a training of fewer than
+        four, of which it is not known how they differ.
 
         Parameters
         ----------
@@ -81,6 +102,7 @@ class TrainingRange:
         list of Statement
         """
         return [
+            *_new_units(meta, self.machines),
             *_other_conditions(meta, self.conditions),
             *_units(quality.units, self.units),
             *([] if quality.has_jump else _speed(quality.row, self.ranges)),
@@ -102,6 +124,19 @@ def _conditions(metas: Sequence[Mapping[Any, Any]]) -> dict[str, tuple[float, ..
         for name in CONDITIONS
         if all(isinstance(meta.get(name), Real) for meta in metas)
     }
+
+
+def _new_units(meta: Mapping[Any, Any], known: Mapping[str, Sequence[str]]) -> Iterator[Statement]:
+    """State that a unit or sensor was not in the training, if few were."""
+    least = 4  # so many show how they differ: a convention
+    for key, names in known.items():
+        if key in meta and str(meta[key]) not in names and len(names) < least:
+            text = (
+                f"{key} {str(meta[key])!r} was not in the training, which has "
+                f"{', '.join(map(repr, names))}: give healthy recordings of this {key} "
+                f"(add_baseline, emacm score --healthy), or treat its decisions with caution"
+            )
+            yield Statement("new unit", "", text, value=float(len(names)), limit=float(least))
 
 
 def _other_conditions(

@@ -1,4 +1,4 @@
-"""The pipeline from recordings of an actuator to a decision."""
+"""Pipelines from recordings to a decision: of an actuator, and of spectra in orders or in Hz."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from emacm._checks import check_choice, check_number
 from emacm.conditions.signal_baseline import SignalBaseline
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
+from emacm.orders.band_powers import BandPowers
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
 from emacm.orders.order_psd import OrderPSD
@@ -157,6 +158,111 @@ def actuator_recipe(
         temperature=temperature,
     )
     return make_pipeline(features, StandardScaler(), gaussians)
+
+
+def spectrum_recipe(
+    features: str = "both",
+    *,
+    max_order: float = 20.0,
+    revolutions: float = 16,
+    min_speed: float = 0.0,
+    low: float | None = None,
+    high: float | None = None,
+    cost: Any = None,
+    priors: Any = None,
+    unknown: Any = "unknown",
+    unknown_rate: float | None = 0.02,
+    temperature: Any = "groups",
+) -> Pipeline:
+    """Return an unfitted pipeline from powers in order bins, in third octaves or in both.
+
+    Order bins follow the speed of the shaft: they are right for unbalance, misalignment, gears and
+    bearings, whose lines have fixed orders. Bands of fixed frequency are right for what does not
+    follow the shaft: resonances that a fault excites or shifts, noise of rubbing, of flow or of the
+    supply. Which is better is a question to the data; a search on units left out answers it.
+
+    Parameters
+    ----------
+    features : {"both", "orders", "bands"}
+        Powers in order bins (`BinTransformer`), in third octaves (`BandPowers`), or in both; their
+        logarithms.
+    max_order : float
+        Highest order of the order spectra.
+    revolutions : float
+        Length of a segment of the order spectra. The bins are one order wide, with fewer than
+        two revolutions 2/revolutions.
+    min_speed : float
+        Speed up to which the shaft counts as standing still [rad/s].
+    low, high : float, optional
+        As for `BandPowers`.
+    cost, priors, unknown, unknown_rate, temperature
+        As for `CostSensitiveGaussianBayes`.
+
+    Returns
+    -------
+    Pipeline
+        With "both", the steps "featureunion", of "orders" and "bands", and
+        "costsensitivegaussianbayes", which is a Gaussian for each class with one covariance.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `features` is none of these; when fitted, as of the steps.
+
+    See Also
+    --------
+    emacm.actuator_recipe : For strokes of an actuator.
+    emacm.bearing_recipe : Levels of fault lines.
+
+    Examples
+    --------
+    Which features are best, for units that are left out:
+
+    >>> from sklearn.model_selection import GridSearchCV, GroupKFold
+    >>> from emacm import spectrum_recipe
+    >>> choices = {
+    ...     "orders": {"featureunion__bands": ["drop"]},
+    ...     "bands": {"featureunion__orders": ["drop"]},
+    ...     "both": {},
+    ... }
+    >>> search = GridSearchCV(
+    ...     spectrum_recipe(), [*choices.values()], cv=GroupKFold(5), scoring="balanced_accuracy"
+    ... )
+
+    ``search.fit(X, y, groups=units)`` fits the best one to all recordings.
+    """
+    check_choice(features, "features", ("both", "orders", "bands"))
+    orders = order_levels(max_order, revolutions, min_speed)
+    bands = [BandPowers(low=low, high=high), _logarithm()]
+    both = _union(orders=make_pipeline(*orders), bands=make_pipeline(*bands))
+    gaussians = CostSensitiveGaussianBayes(
+        cost,
+        priors=priors,
+        covariance="tied",
+        shrinkage="auto",
+        unknown=unknown,
+        unknown_rate=None if unknown is None else unknown_rate,
+        temperature=temperature,
+    )
+    steps = {"orders": orders, "bands": bands, "both": [both]}[features]
+    return make_pipeline(*steps, gaussians)
+
+
+def order_levels(max_order: float, revolutions: float, min_speed: float) -> list[Any]:
+    """Return the steps from recordings to logarithms of the powers in order bins.
+
+    With 2.6 samples per cycle of the highest order, the filter of the resampling is still flat.
+    """
+    return [
+        OrderResampler(2 * np.pi / (2.6 * max_order), min_speed=min_speed),
+        OrderPSD(revolutions, max_order=max_order),
+        BinTransformer(max(1.0, 2 / revolutions), max_order=max_order),
+        _logarithm(),
+    ]
+
+
+def _logarithm() -> FunctionTransformer:
+    return FunctionTransformer(np.log10, feature_names_out="one-to-one")
 
 
 def _over_angle(revolutions: float, max_order: float, strokes: dict[str, Any]) -> FeatureUnion:

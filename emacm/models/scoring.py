@@ -74,6 +74,9 @@ def score(model: Any, recordings: Any, *, n_jobs: int | None = None) -> pd.DataF
           another class beside those of the decision (`CostSensitiveGaussianBayes.second_states`),
         - ``error``: why there is no decision; empty if there is one.
 
+        ``attrs["statements"]`` lists what is stated of all recordings together, see
+        `batch_statements`.
+
     Raises
     ------
     TypeError, ValueError
@@ -108,7 +111,49 @@ def score(model: Any, recordings: Any, *, n_jobs: int | None = None) -> pd.DataF
         return pd.DataFrame(columns=columns)
     entries = as_list(recordings)
     names = paths_or_numbers(entries)
-    return pd.DataFrame(scored_rows(model, entries, names, n_jobs), columns=columns)
+    table = pd.DataFrame(scored_rows(model, entries, names, n_jobs), columns=columns)
+    table.attrs["statements"] = batch_statements(table.get("typicality", ()))
+    return table
+
+
+def batch_statements(typicality: Sequence[float]) -> list[Statement]:
+    """State that recordings are shifted as a whole, whatever their states.
+
+    The typicality of recordings like those that were left out of the training is uniform, of any
+    known state. A rate of known recordings that are called unknown holds for such recordings only.
+
+    Parameters
+    ----------
+    typicality : sequence of float
+        Typicality of each recording; NaN where it is not known.
+
+    Returns
+    -------
+    list of Statement
+        One, if three quarters of at least ten recordings have a typicality below 0.25, which a
+        quarter should have; otherwise none. Recordings of one unit are alike: the limits are far
+        apart, so that an unusual unit is seldom stated.
+
+    Examples
+    --------
+    >>> batch_statements([0.9, 0.2, 0.4, 0.6, 0.1] * 4)
+    []
+    >>> batch_statements([0.03, 0.2, 0.04, 0.01, 0.1] * 4)[0].text[:59]
+    '20 of 20 recordings are less typical than three quarters of'
+    """
+    known = np.asarray(typicality, dtype=np.float64)
+    known = known[~np.isnan(known)]
+    n_low = int(np.count_nonzero(known < 0.25))
+    if len(known) < 10 or n_low < 0.75 * len(known):
+        return []
+    text = (
+        f"{n_low} of {len(known)} recordings are less typical than three quarters of those of the "
+        f"training (expected: {len(known) / 4:.0f}): they are shifted as a whole, by another "
+        f"machine, sensor or condition. Known states are called unknown more often than "
+        f"unknown_rate says. Give healthy recordings of this unit (add_baseline, emacm score "
+        f"--healthy), or train with some"
+    )
+    return [Statement("shift", "", text, value=n_low / len(known), limit=0.75)]
 
 
 def check_model(model: Any) -> list[Any]:
@@ -393,8 +438,8 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[Stateme
     Parameters
     ----------
     model : OrderResampler, Pipeline, ConditionRouter or fitted search
-        Fitted; contains an `OrderResampler`, or features computed from strokes over time, for which
-        the direction of rotation is stated.
+        Fitted; contains an `OrderResampler`, `BandPowers`, or features computed from strokes over
+        time, for which the direction of rotation is stated.
     recordings : list of Recording
         Recordings as for `predict` of the model.
 
@@ -405,8 +450,10 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[Stateme
         Load, speed, torque, temperature and pressure in `meta` are stated if they differ by
         more than 10 % from each value of the training; levels from 3 dB beyond the range, speeds,
         lengths and valid orders from 10 %, sampling rates from 0.1 %, a direction of rotation that
-        the training does not have from 10 % of the revolutions; if nothing else is stated, new
-        spectral lines (`BinTransformer.new_lines`), as another speed or gain changes all lines.
+        the training does not have from 10 % of the revolutions; a unit or sensor (see
+        `emacm.findings.training_range.UNITS`) that is not in a training of fewer than four; if
+        nothing else is stated, new spectral lines (`BinTransformer.new_lines`), as another speed or
+        gain changes all lines.
 
     Raises
     ------
@@ -442,11 +489,11 @@ def _outside_training(model: Any, recording: Any) -> list[Statement]:
     if not parts:
         raise TypeError(
             f"{type(model).__name__} contains no OrderResampler, which knows the range of the "
-            f"training recordings."
+            f"training recordings, and no BandPowers."
         )
     found = [statement for part, X in parts for statement in part.outside_training(X)[0]]
-    if not found:
+    if all(statement.kind == "new unit" for statement in found):
         with suppress(ValueError):  # it may be too short, or so
             bins = parts_with_input(model, [recording], BinTransformer)
-            found = [line for part, X in bins for line in part.new_lines(X)[0]]
+            found += [line for part, X in bins for line in part.new_lines(X)[0]]
     return list(dict.fromkeys(found))

@@ -322,7 +322,7 @@ def _add_warnings(page: Page, model: Any, recording: Recording) -> None:
     page.doubtful = bool(page.first)
     with suppress(TypeError):  # the model does not know the range of its training
         statements = scoring.outside_training(model, [recording])[0]
-        if all(statement.kind == "new line" for statement in statements):
+        if all(statement.kind in ("new line", "new unit") for statement in statements):
             page.normal.append(
                 "speed, sampling rates, levels and length within those of the training"
             )

@@ -207,6 +207,19 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             self._trained_on = None
         return self._range
 
+    def extend_range(self, X: Any) -> None:
+        """Extend the range of the training to recordings that are known to be valid.
+
+        Parameters
+        ----------
+        X : list of Recording, or bare arrays
+            Recordings.
+        """
+        rows = self._rows(X, self.channels_)
+        qualities = run(recording_quality, rows, n_jobs=self.n_jobs)
+        further = TrainingRange.of(qualities, (row.meta for row in rows))
+        self._range = self.training_range_.joined(further)
+
     def __getstate__(self) -> dict[str, Any]:
         """Return the state for a copy or a file, which holds no recordings."""
         if getattr(self, "_trained_on", None) is not None:

@@ -18,9 +18,8 @@ import pandas as pd
 from sklearn.base import clone
 
 from emacm._saved import installed_versions
-from emacm.decisions.pipelines import groups_options
-from emacm.evaluation.evaluate import evaluate
 from emacm.files.folder import RecordingFolder
+from emacm.models.baselines import evaluated_and_fitted
 from emacm.models.evidence import evidence_table, training_evidence
 from emacm.models.model_files import load_model, model_description
 from emacm.recordings.meta import read_meta
@@ -208,9 +207,9 @@ def verify_model(path: str | os.PathLike[str], recordings: RecordingFolder) -> V
     keys = (stated["labels"], stated["groups"])
     labels = read_meta(recordings, keys[0], role="--labels")
     groups = read_meta(recordings, keys[1], role="--groups")
-    found = evaluate(clone(model), recordings, labels, units=groups, healthy=about["healthy"])
+    healthy = about["healthy"]
+    found, refit, _ = evaluated_and_fitted(clone(model), recordings, labels, groups, healthy)
     again = training_evidence(found, labels, groups, keys=keys, recordings=recordings, model=model)
-    refit = clone(model).fit(recordings, labels, **groups_options(model, groups))
     posteriors = refit.predict_proba(recordings) - model.predict_proba(recordings)
     rows = [*_files(stated["files"], again["files"]), *_figures(stated, again)]
     rows.append(("posteriors of the model, fitted again", 0, np.abs(posteriors).max(), 1e-6))

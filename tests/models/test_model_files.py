@@ -20,6 +20,7 @@ from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 import emacm
 from emacm import (
+    BandPowers,
     Bearing,
     BinTransformer,
     CepstralPrewhitening,
@@ -96,6 +97,9 @@ MODELS = {
     "feature baseline": make_pipeline(
         FeatureBaseline(make_pipeline(*SPECTRA), condition=("unit", "load"), healthy="normal"),
         BAYES,
+    ),
+    "bands": make_pipeline(
+        FeatureBaseline(BandPowers(), condition="unit", healthy="normal"), BAYES
     ),
     "recipe": actuator_recipe(max_order=4, cost=COSTS["mapping"]),
     "envelope": make_pipeline(EnvelopeDetector((50, 100), channels=["vib"]), *SPECTRA, BAYES),
