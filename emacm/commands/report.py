@@ -13,12 +13,11 @@ import numpy as np
 import pandas as pd
 
 from emacm.commands.find import parts_of_options
-from emacm.commands.score import set_costs
+from emacm.commands.loaded_model import loaded_model
 from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.history.records import record_of, times_of
 from emacm.history.sqlite_history import History, is_history
-from emacm.models.model_files import load_model
 from emacm.recordings.names import printable
 from emacm.reports import inputs
 from emacm.reports.facts import model_facts, when
@@ -37,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
     """
     layout = Layout.from_toml(options.layout)
     paths = recording_files(options.paths, layout, options.pattern)
-    reports = FileReports(options, layout, options.out)
+    reports = FileReports(options, layout, options.out, loaded_model(options, layout))
     history = None if options.history is None else inputs.read_results(options.history)
     last, failed = reports.write(paths, history)
     print(f"{len(paths)} reports: {printable(last)}")
@@ -55,15 +54,15 @@ class FileReports:
         Of the files.
     out : Path
         Folder, or a file that ends with .html.
+    model : estimator
+        That of `loaded_model`.
     """
 
-    def __init__(self, options: argparse.Namespace, layout: Layout, out: Path) -> None:
+    def __init__(self, options: argparse.Namespace, layout: Layout, out: Path, model: Any) -> None:
         actions = None if options.actions is None else inputs.read_actions(options.actions)
         parts = parts_of_options(options) or None
-        model = load_model(options.model)
-        set_costs(model, options.cost, options.priors)
         background = None
-        if options.command == "report" and options.healthy is not None:
+        if options.healthy is not None:
             background = RecordingFolder(options.healthy, layout, options.pattern)
         settings = read_settings(model, actions, parts, background=background)
         facts = model_facts(model, options.model)

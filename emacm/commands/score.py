@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from functools import partial
 from hashlib import sha256
@@ -17,22 +17,15 @@ import pandas as pd
 from joblib import effective_n_jobs
 
 from emacm._saved import locked
-from emacm.commands.find import parts_of_options
+from emacm.commands.loaded_model import loaded_model
 from emacm.commands.result_tables import Row, result_table
-from emacm.conditions.router import ConditionRouter
-from emacm.decisions.costs import cost_table
-from emacm.decisions.pipelines import final_estimator
-from emacm.decisions.truths import truth_priors
-from emacm.files.folder import RecordingFolder, open_recording, recording_files
+from emacm.files.folder import open_recording, recording_files
 from emacm.files.layout import Layout
-from emacm.files.tables import read_table
 from emacm.history.records import identity, record_of, times_of
 from emacm.history.sqlite_history import is_history
-from emacm.models.baselines import add_baseline
-from emacm.models.model_files import load_model, model_description
-from emacm.models.scoring import batch_statements, check_model, scored_rows
+from emacm.models.model_files import model_description
+from emacm.models.scoring import batch_statements, scored_rows
 from emacm.recordings.digests import digest_of_file, model_digest
-from emacm.recordings.meta import condition_name, read_meta
 from emacm.recordings.names import printable
 from emacm.reports.facts import decisions_of
 from emacm.reports.inputs import unit_named
@@ -48,11 +41,8 @@ def run(options: argparse.Namespace) -> int:
     int
         0; 1 if a decision of ``--fail-on`` was made, also if files failed; 3 if files failed.
     """
-    layout, model = Layout.from_toml(options.layout), load_model(options.model)
-    check_model(model)
-    set_costs(model, options.cost, options.priors)
-    if options.healthy is not None:
-        model = _with_baseline(model, layout, options)
+    layout = Layout.from_toml(options.layout)
+    model = loaded_model(options, layout)
     alarms = _alarms(model, options.fail_on)
     recording_files(options.paths, layout, options.pattern, may_be_empty=options.watch is not None)
     with nullcontext() if options.out is None else locked(options.out.resolve()):
@@ -68,19 +58,6 @@ def run(options: argparse.Namespace) -> int:
     if any(str(row["decision"]) in alarms for row in rows):
         return ALARM
     return FAILED if any(row["error"] for row in rows) else 0
-
-
-def _with_baseline(model: Any, layout: Layout, options: argparse.Namespace) -> Any:
-    """Return the model with the baseline of healthy files, and print how many there are."""
-    folder = RecordingFolder(options.healthy, layout, options.pattern)
-    model = add_baseline(model, folder, parts=parts_of_options(options) or None)
-    key = model[0].condition
-    for value in dict.fromkeys(read_meta(folder, key)):
-        n = model[0].n_healthy_[value]
-        text = f"{condition_name(key, value)}: a baseline of {n} healthy files"
-        few = "; its own scatter is in every difference: give at least two" if n < 2 else ""
-        print(f"emacm: {text}{few}.", file=sys.stderr)
-    return model
 
 
 class _Work:
@@ -101,7 +78,7 @@ class _Work:
         if options.report is not None:
             from emacm.commands.report import FileReports  # with the displays
 
-            self._reports = FileReports(options, layout, options.report)
+            self._reports = FileReports(options, layout, options.report, model)
         self._done = {
             (row["recording"], "" if options.again else row["id"]): row
             for row in self._table.read()
@@ -183,70 +160,6 @@ class _Work:
         if time.monotonic() - self._reported > 5.0:
             self._reported = time.monotonic()
             print(f"{done} of {total} files", file=sys.stderr)
-
-
-def set_costs(
-    model: Any, cost: Path | None, priors: str | None, labels: Iterable[Any] | None = None
-) -> None:
-    """Set costs from a table and priors from a text on a model, fitted or not.
-
-    Their names are texts; those of `labels` (default: the classes of the model) may be numbers.
-
-    Raises
-    ------
-    ValueError
-        If they do not fit the model.
-    """
-    final = final_estimator(model)
-    while isinstance(final, ConditionRouter):
-        final = final_estimator(final.estimator)
-    labels = getattr(model, "classes_", ()) if labels is None else labels
-    known = {str(label): label for label in labels}
-    if cost is not None:
-        table = read_table(cost, index_col=0)
-        table.index = table.index.astype(str)
-        table = table.rename(known, axis=0).rename(known, axis=1)
-        for text in _doubts(table, [*known.values()]):
-            print(f"emacm: WARNING: {printable(cost)}: {text}", file=sys.stderr)
-        final.set_params(cost=table)
-    if priors is not None:
-        final.set_params(priors=priors if priors == "uniform" else _priors(priors, known))
-    if hasattr(model, "classes_") and hasattr(final, "cost"):
-        unknown, n_classes = getattr(final, "unknown", None), len(model.classes_)
-        cost_table(final.cost, model.classes_, unknown)
-        truth_priors(final.priors, model.classes_, np.ones(n_classes), unknown)
-
-
-def _doubts(costs: pd.DataFrame, labels: Sequence[Any]) -> Iterator[str]:
-    """State decisions that are never made, and wrong ones that cost less than the right one.
-
-    Rows may be other decisions than the classes: families, of which one costs nothing.
-    """
-    has_classes = costs.index.isin(labels).any()
-    for label in costs.columns.intersection(labels):
-        column = pd.to_numeric(costs[label], errors="coerce")
-        if label not in column:
-            if has_classes and column.min() > 0:
-                yield f"it has no row for the decision {str(label)!r}, which is then never made."
-        elif column.min() < column[label]:
-            yield (
-                f"if {str(label)!r} is true, deciding {str(column.idxmin())!r} costs "
-                f"{column.min():g}, the right decision {column[label]:g}: wrong sign, or rows and "
-                f"columns exchanged?"
-            )
-
-
-def _priors(text: str, known: Mapping[str, Any]) -> dict[Any, float]:
-    pairs = [part.rpartition("=") for part in text.split(",")]
-    try:
-        priors = {known.get(n := name.strip(), n): float(value) for name, _, value in pairs}
-        if len(priors) < len(pairs):
-            raise ValueError("a name occurs twice")
-        return priors
-    except ValueError as error:
-        raise ValueError(
-            f"--priors must be 'uniform' or as in healthy=0.9,worn=0.1; got {text!r}."
-        ) from error
 
 
 def _alarms(model: Any, text: str) -> set[str]:

@@ -20,7 +20,7 @@ from sklearn.pipeline import Pipeline, make_pipeline
 
 from emacm._checks import check_number
 from emacm.commands.find import parts_of_options
-from emacm.commands.score import set_costs
+from emacm.commands.loaded_model import set_costs
 from emacm.conditions.feature_baseline import FeatureBaseline, left_out_differences
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import final_estimator

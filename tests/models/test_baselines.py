@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy import signal
 from sklearn.base import clone
@@ -214,7 +215,10 @@ def test_the_command_line_trains_with_a_baseline_and_adds_one(files, capsys):
     score_new = "score model.emacm new --layout layout.toml"
     assert emacm(score_new) == 3  # of a new unit without healthy files
     assert "Give healthy recordings of it" in capsys.readouterr().out
-    assert emacm(score_new, "--healthy healthy") == 0
+    assert emacm(score_new, "--healthy healthy --out made.csv --report pages") == 0
+    for recording, decision in pd.read_csv("made.csv")[["recording", "decision"]].to_numpy():
+        html = Path(f"pages/{Path(recording).stem}.html").read_text(encoding="utf-8")
+        assert f"<strong>{decision}</strong>" in html
     printed = capsys.readouterr()
     assert "unit='M6': a baseline of 3 healthy files." in printed.err
     states = [line.split(",") for line in printed.out.splitlines()[1:]]
