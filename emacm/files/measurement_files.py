@@ -10,15 +10,15 @@ from collections.abc import Mapping, Sequence
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, BinaryIO, Literal
+from typing import Any, BinaryIO, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
 import scipy  # scipy.io is imported when it is used
 
 from emacm._statements import warn
-from emacm.files.file_columns import FileColumns, RefusedFileError
-from emacm.recordings.names import printable
+from emacm.files.file_columns import FileColumns, RefusedFileError, missing_codes
+from emacm.recordings.names import is_time_name, printable
 
 _RATE_KEYS = ("fs", "sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "rate")
 _ABSCISSAS = {8: "displacement", 11: "velocity", 18: "frequency", 19: "rpm", 20: "order"}  # UFF
@@ -260,6 +260,12 @@ def _packed(node: Any) -> Any:
         return values
     for key in {"_FillValue", "missing_value"} & attributes.keys():
         values = np.where(np.isin(values, attributes[key]), np.nan, values)
+    ends = [attributes.get(key, math.nan) for key in ("valid_min", "valid_max")]
+    low, high = np.ravel(attributes.get("valid_range", ends))
+    if not np.isnan([low, high]).all():
+        values = np.where((values < low) | (values > high), np.nan, values)
+    if "scale_factor" in attributes and np.ndim(values) == 1 and len(values):
+        values = np.where(missing_codes(values), np.nan, values)
     for key, change in (("scale_factor", np.multiply), ("add_offset", np.add)):
         if key in attributes:
             values = change(values, float(np.squeeze(attributes[key])))
@@ -270,12 +276,12 @@ def read_tdms(path: Path, content: FileColumns) -> None:
     """Add the channels of a TDMS file; as "group/channel" if a name occurs twice."""
     nptdms = optional_library("nptdms", "TDMS")
     with open(path, "rb") as file:  # which nptdms would leave open if it is damaged
-        differing = _differing_segments(nptdms, _segments(file, path))
+        states = _states_of_channels(nptdms, _segments(file, path))
         table = nptdms.TdmsFile.open(file)
         channels = [channel for group in table.groups() for channel in group.channels()]
         names = [channel.name for channel in channels]
-        starts = [channel.properties.get("wf_start_time") for channel in channels]
-        content.start = min((pd.Timestamp(start) for start in starts if start), default=None)
+        starts = [states[channel.path][0].start for channel in channels]
+        content.start = min((start for start in starts if start is not None), default=None)
         for channel, start in zip(channels, starts, strict=True):
             twice = names.count(channel.name) > 1
             name = f"{channel.group_name}/{channel.name}" if twice else channel.name
@@ -285,13 +291,27 @@ def read_tdms(path: Path, content: FileColumns) -> None:
                 content.rates[name] = _roundest_rate(float(properties["wf_increment"]), digits=15)
             if unit := properties.get("unit_string") or properties.get("NI_UnitDescription"):
                 content.units[name] = str(unit)
-            axis = [str(properties.get(key) or "") for key in ("wf_xname", "wf_xunit_string")]
-            if axis[1].lower() not in ("", "s", "sec", "seconds") or "freq" in axis[0].lower():
-                content.defects[name] = f"is no signal over time, but over {' '.join(axis).strip()}"
-            elif channel.path in differing:
-                content.defects[name] = differing[channel.path]
-            later = pd.Timestamp(start) - content.start if start else pd.Timedelta(0)
-            content.starts[name] = later.total_seconds() + properties.get("wf_start_offset", 0.0)
+            axis, of_axis = (properties.get(key) for key in ("wf_xname", "wf_xunit_string"))
+            if reason := _other_axis(axis, of_axis) or _difference(states[channel.path]):
+                content.defects[name] = reason
+            later = pd.Timedelta(0) if start is None else start - content.start
+            content.starts[name] = later.total_seconds() + states[channel.path][0].offset
+
+
+def _other_axis(name: Any, unit: Any) -> str:
+    """Say that values are over something else than time in s, by the name and unit of their axis.
+
+    Examples
+    --------
+    >>> _other_axis("Time", "s"), _other_axis("", "Hz")
+    ('', 'is no signal over time in s, but over Hz')
+    """
+    words = [str(text or "").strip() for text in (name, unit)]
+    words = ["" if word.upper() == "NONE" else word for word in words]
+    is_time = not words[1] and (not words[0] or is_time_name(words[0]))
+    if is_time or words[1].lower() in ("s", "sec", "seconds"):
+        return ""
+    return f"is no signal over time in s, but over {' '.join(words).strip()}"
 
 
 def _segments(file: BinaryIO, path: Path) -> list[bytes]:
@@ -303,7 +323,7 @@ def _segments(file: BinaryIO, path: Path) -> list[bytes]:
         start = file.read(28)
         if not b"TDSm".startswith(start[:4]):  # a damaged file
             break
-        start = start.ljust(28)
+        start = start.ljust(28, b"\0")
         order: Literal["big", "little"] = "big" if start[4] & 64 else "little"
         length, n_before_samples = (int.from_bytes(start[at : at + 8], order) for at in (12, 20))
         if length == 2**64 - 1:  # of a segment that was being written
@@ -317,35 +337,64 @@ def _segments(file: BinaryIO, path: Path) -> list[bytes]:
     return segments
 
 
-def _differing_segments(nptdms: Any, segments: Sequence[bytes]) -> dict[str, str]:
-    """Return the TDMS channels whose segments do not follow each other at one rate, and why.
+class _ChannelState(NamedTuple):
+    """What a TDMS file states of a channel after some segments: samples, time between them [s].
+
+    The start, and the offset from it [s], are those of the last one of these segments.
+    """
+
+    n_segments: int
+    n_times: int
+    step: float
+    start: pd.Timestamp | None
+    offset: float
+    unit: str
+
+
+def _states_of_channels(nptdms: Any, segments: Sequence[bytes]) -> dict[str, list[_ChannelState]]:
+    """Return what is known of each TDMS channel after its segments, of which up to 100 are read.
 
     A file has the properties of its last segment; those of the others are found by leaving out what
-    follows them. This is done for the first 100 segments.
+    follows them.
     """
-    states: dict[str, list[tuple[int, float, Any]]] = {}
-    for n in range(1, min(len(segments), 100) + 1):
+    states: dict[str, list[_ChannelState]] = {}
+    n_segments = len(segments)
+    last = np.linspace(1, n_segments, min(n_segments, 100 if n_segments <= 100 else 30))
+    ends = {int(end) - before for end in last for before in (0, 1)} - {0}
+    for n in sorted(ends):
         table = nptdms.TdmsFile.read_metadata(BytesIO(b"".join(segments[:n])))
         for channel in (channel for group in table.groups() for channel in group.channels()):
-            step = float(channel.properties.get("wf_increment") or 0)
-            state = len(channel), step, channel.properties.get("wf_start_time")
+            stated = channel.properties
+            step, offset = (
+                float(stated.get(f"wf_{x}") or 0) for x in ("increment", "start_offset")
+            )
+            start = pd.Timestamp(stated["wf_start_time"]) if "wf_start_time" in stated else None
+            unit = str(stated.get("unit_string") or "")
+            state = _ChannelState(n, len(channel), step, start, offset, unit)
             states.setdefault(channel.path, []).append(state)
-    differing: dict[str, str] = {}
-    for path, found in states.items():
-        _, step, first = found[0]
-        for (n, _, before), (_, later, start) in pairwise(found):
-            apart = 0.0 if first is None else (start - first) / np.timedelta64(1, "s")
-            late = apart - n * step
-            if later != step:
-                rates = " and ".join(f"{1 / each:.6g}" for each in (step, later) if each)
-                reason = f"has segments with rates of {rates} Hz"
-            elif step and start != before and abs(late) > 1e-3 + 1.5 * step:
-                reason = f"has a segment that starts {late:.6g} s after the end of the one before, "
-                reason += f"at sample {n}"
-            else:
-                continue
-            differing.setdefault(path, f"{reason}. Save each as a file")
-    return differing
+    return states
+
+
+def _difference(states: Sequence[_ChannelState]) -> str:
+    """Say where TDMS segments do not follow each other at one rate, or have other units."""
+    first = states[0]
+    for before, state in pairwise(states):
+        if state.step != first.step:
+            rates = " and ".join(f"{1 / step:.6g}" for step in (first.step, state.step) if step)
+            return f"has segments with rates of {rates} Hz. Save each as a file"
+        if first.unit and state.unit != first.unit:
+            return f"has segments in {first.unit!r} and {state.unit!r}. Save each as a file"
+        is_next = state.n_segments == before.n_segments + 1
+        if not (state.step and is_next and state[3:5] != before[3:5]):
+            continue
+        apart = state.offset - first.offset
+        if state.start is not None and first.start is not None:
+            apart += (state.start - first.start).total_seconds()
+        late = apart - before.n_times * state.step
+        if abs(late) > 1e-3 + 1.5 * state.step:
+            text = f"has a segment that starts {late:.6g} s after the end of the one before, at "
+            return f"{text}sample {before.n_times}. Save each as a file"
+    return ""
 
 
 def _check_complete(path: Path, stated: int) -> None:
@@ -373,10 +422,14 @@ def read_uff(path: Path, content: FileColumns) -> None:
     for name, one in zip(_distinct(names), [sets[n] for n in ids], strict=True):
         n_times = int(one.get("num_pts") or len(one["data"]))
         add_array(content, name, one["data"][:n_times])
-        axis = _ABSCISSAS.get(one.get("abscissa_spec_data_type"), "")
+        kind = one.get("abscissa_spec_data_type")
+        axis = _ABSCISSAS.get(kind, "" if kind in (None, 0, 1, 17) else f"a quantity {kind}")
+        label = "" if kind == 17 else one.get("abscissa_axis_lab")
         if axis or one.get("func_type", 1) not in (0, 1):
             axis = axis or f"another quantity (type of function {one['func_type']})"
-            content.defects[name] = f"is no signal over time, but over {axis}"
+            content.defects[name] = f"is no signal over time in s, but over {axis}"
+        elif reason := _other_axis(label, one.get("abscissa_axis_units_lab")):
+            content.defects[name] = reason
         elif len(one["data"]) < n_times:
             content.defects[name] = f"has only {len(one['data'])} of {n_times} stated samples"
         step = float(one.get("abscissa_inc") or 0)
@@ -434,7 +487,7 @@ def read_mdf(path: Path, content: FileColumns) -> None:
                 )
             axis, kind = signal.master_metadata or ("time", 1)
             if kind not in (0, 1):  # none, time
-                content.defects[name] = f"is no signal over time, but over {axis!r}"
+                content.defects[name] = f"is no signal over time in s, but over {axis!r}"
 
 
 def _roundest_rate(step: float, *, digits: int) -> float:
