@@ -224,6 +224,13 @@ def test_times_since_1970_state_the_start(tmp_path):
 # Texts
 
 
+def test_a_point_in_a_rate_beside_decimal_commas_is_no_decimal_point(tmp_path):
+    rows = rows_of(lambda t, x: f"{x};1".replace(".", ","))
+    (tmp_path / "a.csv").write_text(f"Abtastrate: 51.200 Hz\nvib;b\n{rows}")
+    refused(tmp_path / "a.csv", "rate of 'vib' is not known")
+    assert opened(tmp_path / "a.csv", fs=51200).fs["vib"] == 51200
+
+
 def rows_of(row):
     return "".join(row(k / 1000, f"{TONE[k]:.5f}") + "\n" for k in range(300))
 
@@ -431,12 +438,12 @@ def later(seconds):
 @pytest.mark.parametrize(
     ("second", "message"),
     [
-        ({"wf_increment": 0.002}, "'vib' has segments with rates of 1000 and 500 Hz"),
+        ({"wf_increment": 0.002}, "'vib' has segments with wf_increment = 0.001 and 0.002"),
         (later(3600), "segment that starts 3594 s after the end of the one before, at sample 6000"),
         (later(6.1), "segment that starts 0.1 s after the end"),
         (later(3), "segment that starts -3 s after the end"),
         (later(0) | {"wf_start_offset": 9.0}, "segment that starts 3 s after the end"),
-        (later(6) | {"unit_string": "mV"}, "segments in 'g' and 'mV'"),
+        (later(6) | {"unit_string": "mV"}, "segments with unit_string = g and mV"),
     ],
 )
 def test_tdms_segments_that_differ_are_not_joined(tmp_path, second, message):
@@ -446,7 +453,9 @@ def test_tdms_segments_that_differ_are_not_joined(tmp_path, second, message):
     joined = opened(write_segments(path, (TONE, first), (TONE, later(6)), (TONE, {})))
     assert (joined.duration, joined.cut(0).start) == (18, pd.Timestamp("2026-11-01T08:00:00"))
     many = [(TONE[:60], later(0.06 * n)) for n in range(130)]
-    refused(write_segments(path, *many, (TONE, later(7.8) | {"wf_increment": 2e-3})), "rates of")
+    refused(
+        write_segments(path, *many, (TONE, later(7.8) | {"wf_increment": 2e-3})), "wf_increment = "
+    )
 
 
 def test_a_uff_data_set_has_as_many_samples_as_it_states(tmp_path):
@@ -486,10 +495,12 @@ def test_an_unfinished_tdms_file_is_read_as_far_as_it_was_written(tmp_path):
 
 @pytest.mark.parametrize("length", [0, 0xFFFFFFFF])
 @pytest.mark.parametrize("rest", [b"", b"\x01"])
-def test_a_streamed_wav_file_is_read_to_its_end(tmp_path, length, rest):
+@pytest.mark.parametrize("is_file_length_known", [False, True])
+def test_a_streamed_wav_file_is_read_to_its_end(tmp_path, length, rest, is_file_length_known):
     path = write_wav(tmp_path / "a.wav", TONE)
     stored = bytearray(path.read_bytes())
-    stored[4:8] = stored[40:44] = struct.pack("<I", length)
+    stored[40:44] = struct.pack("<I", length)
+    stored[4:8] = stored[4:8] if is_file_length_known else stored[40:44]
     path.write_bytes(stored + rest)
     with pytest.warns(EmacmWarning, match="a.wav: it does not state its length"):
         assert len(opened(path).signals["x0"]) == N

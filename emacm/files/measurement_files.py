@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, BinaryIO, Literal, NamedTuple
+from typing import Any, BinaryIO, Literal
 
 import numpy as np
 import pandas as pd
@@ -21,7 +21,8 @@ from emacm.files.file_columns import FileColumns, RefusedFileError, missing_code
 from emacm.recordings.names import is_time_name, printable
 
 _RATE_KEYS = ("fs", "sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "rate")
-_ABSCISSAS = {8: "displacement", 11: "velocity", 18: "frequency", 19: "rpm", 20: "order"}  # UFF
+_ABSCISSAS = {8: "displacement", 11: "velocity", 17: "", 18: "frequency", 19: "rpm"}  # UFF
+_ABSCISSAS |= {20: "order"}
 _UNIT_KEYS = ("unit", "units", "Unit", "Units")
 
 
@@ -137,7 +138,7 @@ def _repair_lengths(stored: bytearray, path: Path) -> None:
     form = stored.find(b"fmt ") + 8
     start = stored.find(b"data", form) + 8  # of the samples
     of_file, of_samples = (int.from_bytes(stored[end - 4 : end], "little") for end in (8, start))
-    if of_samples == 0xFFFFFFFF or of_file == of_samples == 0:
+    if of_samples == 0xFFFFFFFF or (of_samples == 0 and len(stored) > start):
         frame = int.from_bytes(stored[form + 12 : form + 14], "little") or 1  # bytes of an instant
         del stored[len(stored) - (len(stored) - start) % frame :]
         stored[start - 4 : start] = (len(stored) - start).to_bytes(4, "little")
@@ -280,9 +281,9 @@ def read_tdms(path: Path, content: FileColumns) -> None:
         table = nptdms.TdmsFile.open(file)
         channels = [channel for group in table.groups() for channel in group.channels()]
         names = [channel.name for channel in channels]
-        starts = [states[channel.path][0].start for channel in channels]
-        content.start = min((start for start in starts if start is not None), default=None)
-        for channel, start in zip(channels, starts, strict=True):
+        starts = [states[channel.path][0][2].get("wf_start_time") for channel in channels]
+        content.start = min((pd.Timestamp(start) for start in starts if start), default=None)
+        for channel in channels:
             twice = names.count(channel.name) > 1
             name = f"{channel.group_name}/{channel.name}" if twice else channel.name
             add_array(content, name, channel[:])
@@ -294,8 +295,8 @@ def read_tdms(path: Path, content: FileColumns) -> None:
             axis, of_axis = (properties.get(key) for key in ("wf_xname", "wf_xunit_string"))
             if reason := _other_axis(axis, of_axis) or _difference(states[channel.path]):
                 content.defects[name] = reason
-            later = pd.Timedelta(0) if start is None else start - content.start
-            content.starts[name] = later.total_seconds() + states[channel.path][0].offset
+            begin = {"wf_start_time": content.start or 0}
+            content.starts[name] = _seconds_since(begin | states[channel.path][0][2], begin)
 
 
 def _other_axis(name: Any, unit: Any) -> str:
@@ -306,12 +307,10 @@ def _other_axis(name: Any, unit: Any) -> str:
     >>> _other_axis("Time", "s"), _other_axis("", "Hz")
     ('', 'is no signal over time in s, but over Hz')
     """
-    words = [str(text or "").strip() for text in (name, unit)]
-    words = ["" if word.upper() == "NONE" else word for word in words]
-    is_time = not words[1] and (not words[0] or is_time_name(words[0]))
-    if is_time or words[1].lower() in ("s", "sec", "seconds"):
+    name, unit = (re.sub("^NONE$", "", str(x or "").strip(), flags=re.I) for x in (name, unit))
+    if unit.lower() in ("s", "sec", "seconds") or not (unit or (name and not is_time_name(name))):
         return ""
-    return f"is no signal over time in s, but over {' '.join(words).strip()}"
+    return f"is no signal over time in s, but over {name} {unit}".replace("  ", " ").rstrip()
 
 
 def _segments(file: BinaryIO, path: Path) -> list[bytes]:
@@ -337,64 +336,45 @@ def _segments(file: BinaryIO, path: Path) -> list[bytes]:
     return segments
 
 
-class _ChannelState(NamedTuple):
-    """What a TDMS file states of a channel after some segments: samples, time between them [s].
-
-    The start, and the offset from it [s], are those of the last one of these segments.
-    """
-
-    n_segments: int
-    n_times: int
-    step: float
-    start: pd.Timestamp | None
-    offset: float
-    unit: str
+_State = tuple[int, int, dict[str, Any]]  # number of segments and of samples, properties
 
 
-def _states_of_channels(nptdms: Any, segments: Sequence[bytes]) -> dict[str, list[_ChannelState]]:
-    """Return what is known of each TDMS channel after its segments, of which up to 100 are read.
+def _states_of_channels(nptdms: Any, segments: Sequence[bytes]) -> dict[str, list[_State]]:
+    """Return what is known of each TDMS channel after some segments: all, or 30 of more than 100.
 
     A file has the properties of its last segment; those of the others are found by leaving out what
     follows them.
     """
-    states: dict[str, list[_ChannelState]] = {}
-    n_segments = len(segments)
-    last = np.linspace(1, n_segments, min(n_segments, 100 if n_segments <= 100 else 30))
-    ends = {int(end) - before for end in last for before in (0, 1)} - {0}
-    for n in sorted(ends):
+    states: dict[str, list[_State]] = {}
+    last = np.linspace(1, len(segments), len(segments) if len(segments) <= 100 else 30)
+    for n in sorted({int(end) - before for end in last for before in (0, 1)} - {0}):
         table = nptdms.TdmsFile.read_metadata(BytesIO(b"".join(segments[:n])))
         for channel in (channel for group in table.groups() for channel in group.channels()):
-            stated = channel.properties
-            step, offset = (
-                float(stated.get(f"wf_{x}") or 0) for x in ("increment", "start_offset")
-            )
-            start = pd.Timestamp(stated["wf_start_time"]) if "wf_start_time" in stated else None
-            unit = str(stated.get("unit_string") or "")
-            state = _ChannelState(n, len(channel), step, start, offset, unit)
+            state = n, len(channel), dict(channel.properties)
             states.setdefault(channel.path, []).append(state)
     return states
 
 
-def _difference(states: Sequence[_ChannelState]) -> str:
+def _difference(states: Sequence[_State]) -> str:
     """Say where TDMS segments do not follow each other at one rate, or have other units."""
-    first = states[0]
-    for before, state in pairwise(states):
-        if state.step != first.step:
-            rates = " and ".join(f"{1 / step:.6g}" for step in (first.step, state.step) if step)
-            return f"has segments with rates of {rates} Hz. Save each as a file"
-        if first.unit and state.unit != first.unit:
-            return f"has segments in {first.unit!r} and {state.unit!r}. Save each as a file"
-        is_next = state.n_segments == before.n_segments + 1
-        if not (state.step and is_next and state[3:5] != before[3:5]):
-            continue
-        apart = state.offset - first.offset
-        if state.start is not None and first.start is not None:
-            apart += (state.start - first.start).total_seconds()
-        late = apart - before.n_times * state.step
-        if abs(late) > 1e-3 + 1.5 * state.step:
+    first = states[0][2]
+    step = float(first.get("wf_increment") or 0)
+    for (n_before, n_times, before), (n, _, now) in pairwise(states):
+        late = _seconds_since(now, first) - n_times * step
+        for key in ("wf_increment", "unit_string"):
+            if key in first and now[key] != first[key]:
+                return f"has segments with {key} = {first[key]} and {now[key]}. Save each as a file"
+        is_next = n == n_before + 1 and step > 0 and _seconds_since(now, before) != 0
+        if is_next and abs(late) > 1e-3 + 1.5 * step:
             text = f"has a segment that starts {late:.6g} s after the end of the one before, at "
-            return f"{text}sample {before.n_times}. Save each as a file"
+            return f"{text}sample {n_times}. Save each as a file"
     return ""
+
+
+def _seconds_since(now: Mapping[str, Any], first: Mapping[str, Any]) -> float:
+    start, before = (pd.Timestamp(each.get("wf_start_time", 0)) for each in (now, first))
+    late = now.get("wf_start_offset", 0.0) - first.get("wf_start_offset", 0.0)
+    return (start - before).total_seconds() + late
 
 
 def _check_complete(path: Path, stated: int) -> None:
@@ -422,13 +402,13 @@ def read_uff(path: Path, content: FileColumns) -> None:
     for name, one in zip(_distinct(names), [sets[n] for n in ids], strict=True):
         n_times = int(one.get("num_pts") or len(one["data"]))
         add_array(content, name, one["data"][:n_times])
-        kind = one.get("abscissa_spec_data_type")
-        axis = _ABSCISSAS.get(kind, "" if kind in (None, 0, 1, 17) else f"a quantity {kind}")
-        label = "" if kind == 17 else one.get("abscissa_axis_lab")
-        if axis or one.get("func_type", 1) not in (0, 1):
-            axis = axis or f"another quantity (type of function {one['func_type']})"
-            content.defects[name] = f"is no signal over time in s, but over {axis}"
-        elif reason := _other_axis(label, one.get("abscissa_axis_units_lab")):
+        kind, of_function = one.get("abscissa_spec_data_type"), one.get("func_type", 1)
+        label, unit = one.get("abscissa_axis_lab"), one.get("abscissa_axis_units_lab")
+        if of_function not in (0, 1):
+            label, unit = f"another quantity (type of function {of_function})", ""
+        elif kind not in (None, 0, 1):  # unknown, or general
+            label, unit = _ABSCISSAS.get(kind, f"a quantity {kind}"), unit if kind == 17 else ""
+        if reason := _other_axis(label, unit):
             content.defects[name] = reason
         elif len(one["data"]) < n_times:
             content.defects[name] = f"has only {len(one['data'])} of {n_times} stated samples"
