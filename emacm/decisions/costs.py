@@ -283,8 +283,7 @@ def _check_axes(cost: pd.DataFrame) -> None:
     if truth & {*rows} or decision & {*columns}:
         raise ValueError(
             f"the axes of cost are named {cost.index.name!r} (rows) and {cost.columns.name!r} "
-            f"(columns), but rows are decisions and columns are true classes. Give cost.T, or "
-            f"other names."
+            "(columns), but rows are decisions, columns true classes. Give cost.T, or other names."
         )
 
 

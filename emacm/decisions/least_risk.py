@@ -194,8 +194,7 @@ class LeastRiskClassifier(
         undefined = np.isnan(logs).any(axis=1)
         if undefined.any():
             raise ValueError(
-                f"the posterior of recording {int(np.argmax(undefined))} is NaN. Check the "
-                f"features of that recording."
+                f"the posterior of recording {undefined.argmax()} is NaN. Check its features."
             )
         if self.priors is None:
             return logs

@@ -413,8 +413,7 @@ def _signal(
         place = int(np.argmax(is_code))
         raise ValueError(
             f"{name} has {is_code.sum()} values of {values[place]:g}, first at sample {place}, far "
-            f"from all others: a code for missing values. Cut the recording before it, or repair "
-            f"the gap."
+            "from all others: a code for missing values. Cut before it, or repair the gap."
         )
     return values
 
