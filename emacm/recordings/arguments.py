@@ -64,7 +64,7 @@ def check_rates(fs: Any, channels: tuple[str, ...]) -> dict[str, float]:
         return dict.fromkeys(channels, rate)
     if set(fs) != set(channels):
         raise ValueError(
-            f"fs must give a rate for each of {list(channels)}, but gives them for {list(fs)}."
+            f"fs must give a rate for each channel of {list(channels)}, but has {list(fs)}."
         )
     return {
         name: check_number(fs[name], f"fs of channel {name!r}", above=0, unit="Hz")
