@@ -125,7 +125,8 @@ def test_a_model_file_names_the_step_that_it_cannot_hold(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("rows", "columns"), [("true", "predicted"), ("y_true", None), (None, "Predicted label")]
+    ("rows", "columns"),
+    [("true", "predicted"), ("y_true", None), (None, "Predicted label"), ("class", "action")],
 )
 def test_a_cost_whose_rows_are_named_as_true_classes_is_refused(rows, columns):
     transposed = COST.T.rename_axis(index=rows, columns=columns)
