@@ -127,7 +127,7 @@ def read_results(path: Path) -> pd.DataFrame:
             raise ValueError("a table of results must end with .csv, .jsonl or .sqlite.")
         if not {"recording", "decision"} <= set(table.columns):
             raise ValueError(
-                f"it is no table of emacm score, but has the columns {list(table.columns)}."
+                f"it is not a table of emacm score; it has the columns {list(table.columns)}."
             )
     return table
 
