@@ -219,8 +219,7 @@ def group_codes(groups: Any, n_recordings: int) -> NDArray[np.intp]:
     labels = Series(groups)
     if len(labels) != n_recordings:
         raise ValueError(
-            f"groups must have one label for each of the {n_recordings} recordings, got "
-            f"{len(labels)}."
+            f"groups must have a label for each of {n_recordings} recordings, got {len(labels)}."
         )
     codes, _ = factorize(labels)
     if (codes < 0).any():
@@ -251,15 +250,13 @@ def check_weights(sample_weight: ArrayLike | None, n_recordings: int) -> NDArray
     weight = check_real_array(sample_weight, "sample_weight").astype(np.float64)
     if weight.shape != (n_recordings,):
         raise ValueError(
-            f"sample_weight must have one weight per recording, shape ({n_recordings},), "
-            f"got shape {weight.shape}."
+            f"sample_weight must have the shape ({n_recordings},), got shape {weight.shape}."
         )
     bad = ~(np.isfinite(weight) & (weight >= 0))
     if bad.any():
         first = int(np.argmax(bad))
         raise ValueError(
-            f"sample_weight must be finite and at least 0, got {weight[first]} at "
-            f"recording {first}."
+            f"sample_weight must be finite, at least 0, got {weight[first]} at recording {first}."
         )
     return weight
 

@@ -98,8 +98,7 @@ def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     missing = [name for name in expected if name not in arrays]
     if missing:
         raise ValueError(
-            f"{path.name} lacks {', '.join(missing)}; expected are the arrays "
-            f"{', '.join(expected)}."
+            f"{path.name} lacks {', '.join(missing)}; expected are {', '.join(expected)}."
         )
     return arrays
 

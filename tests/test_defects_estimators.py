@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from sklearn.base import clone
 from sklearn.calibration import CalibratedClassifierCV
-from sklearn.ensemble import RandomForestClassifier
+from sklearn.ensemble import BaggingClassifier, RandomForestClassifier, VotingClassifier
 from sklearn.feature_selection import SelectKBest
 from sklearn.impute import SimpleImputer
 from sklearn.linear_model import LogisticRegression
@@ -79,6 +79,14 @@ def test_class_weights_are_part_of_the_prior_within_a_posterior(weights):
     vectors = SVC(class_weight=weights, probability=True, random_state=0)
     of_svc = LeastRiskClassifier(vectors).fit(X[few], y[few]).estimator_priors_
     np.testing.assert_allclose(of_svc, np.array([60, 30, 20]) / 110)
+    inner = LogisticRegression(class_weight="balanced")
+    for around in (BaggingClassifier(inner, 3), VotingClassifier([("a", inner)], voting="soft")):
+        with pytest.raises(ValueError, match=r"__class_weight=.*Leave class_weight out"):
+            LeastRiskClassifier(around, priors=[0.95, 0.04, 0.01]).fit(X, y)
+        LeastRiskClassifier(around).fit(X, y)
+    around = CalibratedClassifierCV(inner, cv=3)
+    found = LeastRiskClassifier(around, priors=[0.95, 0.04, 0.01]).fit(X, y).predict_proba(new)
+    assert np.abs(found - expected).mean() < 0.05
 
 
 @pytest.mark.parametrize(
@@ -117,7 +125,8 @@ def test_a_model_file_names_the_step_that_it_cannot_hold(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("rows", "columns"), [("true", "predicted"), ("y_true", None), (None, "Predicted label")]
+    ("rows", "columns"),
+    [("true", "predicted"), ("y_true", None), (None, "Predicted label"), ("class", "action")],
 )
 def test_a_cost_whose_rows_are_named_as_true_classes_is_refused(rows, columns):
     transposed = COST.T.rename_axis(index=rows, columns=columns)

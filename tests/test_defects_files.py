@@ -224,6 +224,13 @@ def test_times_since_1970_state_the_start(tmp_path):
 # Texts
 
 
+def test_a_point_in_a_rate_beside_decimal_commas_is_no_decimal_point(tmp_path):
+    rows = rows_of(lambda t, x: f"{x};1".replace(".", ","))
+    (tmp_path / "a.csv").write_text(f"Abtastrate: 51.200 Hz\nvib;b\n{rows}")
+    refused(tmp_path / "a.csv", "rate of 'vib' is not known")
+    assert opened(tmp_path / "a.csv", fs=51200).fs["vib"] == 51200
+
+
 def rows_of(row):
     return "".join(row(k / 1000, f"{TONE[k]:.5f}") + "\n" for k in range(300))
 
@@ -322,11 +329,47 @@ def test_attributes_of_packed_hdf5_data_sets_are_applied(tmp_path, code):
     refused(path, "'vib' must be finite, got nan at sample 77", fs=1000, channels=["vib"])
 
 
-@pytest.mark.parametrize("code", [-9999, -999, 32767, -32768, 99999, 9.91e37])
-def test_codes_for_missing_values_are_no_samples(tmp_path, code):
-    values = np.where(np.arange(N) % 900 == 42, code, TONE)
-    path = write(tmp_path / "a.npz", {"vib": values}, fs=1000)
-    refused(path, f"'vib' has 7 values of {code:g}, first at sample 42".replace("+", "."))
+@pytest.mark.parametrize("stated", [{"valid_max": 8.0}, {"valid_range": [-8, 8]}, {}])
+def test_stored_values_outside_of_the_valid_range_of_hdf5_are_no_samples(tmp_path, stated):
+    stored = np.where(np.arange(N) == 77, 32767, np.round(TONE * 5)).astype("i2")
+    with library("h5py").File(tmp_path / "a.h5", "w") as file:
+        file["vib"] = stored
+        file["vib"].attrs.update(stated, scale_factor=0.01)
+    refused(tmp_path / "a.h5", "'vib' must be finite, got nan at sample 77", fs=1000)
+
+
+def test_pulses_of_full_scale_are_no_codes(tmp_path):
+    pulses = (TIMES * 10 % 1 < 0.3) * 32767
+    path = write(tmp_path / "a.npz", {"vib": TONE, "tacho": pulses.astype("i2")}, fs=1000)
+    recording = open_recording(path, Layout(tacho="tacho"))
+    assert np.ptp(recording.angle) / (2 * np.pi) == pytest.approx(60, abs=0.05)
+
+
+@pytest.mark.parametrize("clocks", [("time", "Timestamp"), ("a/time", "b/time")])
+def test_another_clock_is_no_channel(tmp_path, clocks):
+    path = tmp_path / "a.h5"
+    with library("h5py").File(path, "w") as file:
+        for name, values in zip((*clocks, "vib"), (2 * TIMES, TIMES, TONE), strict=True):
+            file[name] = values
+    recording = opened(path, time=clocks[1])
+    assert (recording.channels, recording.fs["vib"]) == (("vib",), 1000)
+
+
+BEYOND = (1e20, -1e30, 9.97e36, np.finfo("f4").max)
+
+
+@pytest.mark.parametrize(
+    "code", [-9999, -999, -999.25, 32767, -32768, 8388607, 2.0**32 - 1, 99999, 9.91e37, *BEYOND]
+)
+@pytest.mark.parametrize("dtype", ["f8", "f4"])
+def test_codes_for_missing_values_are_no_samples(tmp_path, code, dtype):
+    values = np.where(
+        np.arange(N) % 900 == 42, code, np.round(999 * TONE) / 4 if code > 0 else TONE
+    )
+    values[100] = -9999 if code == 32767 else values[100]  # two codes in one channel
+    path = write(tmp_path / "a.npz", {"vib": values.astype(dtype)}, fs=1000)
+    code = np.array(code, dtype)
+    refused(path, f"'vib' has . values of {code:g}, first at sample 42".replace("+", "."))
     clipped = np.clip(40_000 * TONE, -32768, 32767).astype("i2")  # full scale is no code
     path = write(tmp_path / "b.npz", {"vib": clipped}, fs=1000)
     assert opened(path).signals["vib"].max() == 32767
@@ -357,8 +400,14 @@ def test_no_channel_is_lost_where_names_collide(tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"abscissa_spec_data_type": 18}, "'spectrum' is no signal over time, but over frequency"),
+        (
+            {"abscissa_spec_data_type": 18},
+            "'spectrum' is no signal over time in s, but over frequency",
+        ),
         ({"abscissa_spec_data_type": 20}, "over order"),
+        ({"abscissa_spec_data_type": 12}, "over a quantity 12"),
+        ({"abscissa_axis_units_lab": "Hz"}, "over Hz"),
+        ({"abscissa_axis_units_lab": "ms"}, "over time in s, but over ms"),
         ({"abscissa_spec_data_type": 0, "func_type": 2}, "over another quantity .type of func"),
         ({"data": TONE * 1j, "func_type": 4}, "'spectrum' is complex|is no signal over time"),
     ],
@@ -373,11 +422,12 @@ def test_a_curve_over_frequency_is_no_time_signal(tmp_path, options, message, ca
 
 @ignored
 def test_wave_forms_over_other_quantities_are_no_time_signals(tmp_path):
-    for axis in ({"wf_xunit_string": "Hz"}, {"wf_xname": "Frequency"}):
+    axes = {"wf_xunit_string": "Hz"}, {"wf_xname": "Frequency"}, {"wf_xname": "Revolutions"}
+    for axis in axes:
         path = write_segments(tmp_path / "a.tdms", (TONE, {"wf_increment": 0.5} | axis))
-        refused(path, f"'vib' is no signal over time, but over {next(iter(axis.values()))}")
+        refused(path, f"'vib' is no signal over time in s, but over {next(iter(axis.values()))}")
     write_mdf(tmp_path / "a.mf4", [signal("vib") | {"master_metadata": ("angle", 2)}])
-    refused(tmp_path / "a.mf4", "'vib' is no signal over time, but over 'angle'")
+    refused(tmp_path / "a.mf4", "'vib' is no signal over time in s, but over 'angle'")
 
 
 def later(seconds):
@@ -388,17 +438,24 @@ def later(seconds):
 @pytest.mark.parametrize(
     ("second", "message"),
     [
-        ({"wf_increment": 0.002}, "'vib' has segments with rates of 1000 and 500 Hz"),
+        ({"wf_increment": 0.002}, "'vib' has segments with wf_increment = 0.001 and 0.002"),
         (later(3600), "segment that starts 3594 s after the end of the one before, at sample 6000"),
         (later(6.1), "segment that starts 0.1 s after the end"),
         (later(3), "segment that starts -3 s after the end"),
+        (later(0) | {"wf_start_offset": 9.0}, "segment that starts 3 s after the end"),
+        (later(6) | {"unit_string": "mV"}, "segments with unit_string = g and mV"),
     ],
 )
 def test_tdms_segments_that_differ_are_not_joined(tmp_path, second, message):
     path = tmp_path / "a.tdms"
-    refused(write_segments(path, (TONE, later(0)), (TONE, second), (TONE, later(0))), message)
-    joined = write_segments(path, (TONE, later(0)), (TONE, later(6)), (TONE, {}))
-    assert opened(joined).duration == 18
+    first = later(0) | {"unit_string": "g"}
+    refused(write_segments(path, (TONE, first), (TONE, second), (TONE, later(0))), message)
+    joined = opened(write_segments(path, (TONE, first), (TONE, later(6)), (TONE, {})))
+    assert (joined.duration, joined.cut(0).start) == (18, pd.Timestamp("2026-11-01T08:00:00"))
+    many = [(TONE[:60], later(0.06 * n)) for n in range(130)]
+    refused(
+        write_segments(path, *many, (TONE, later(7.8) | {"wf_increment": 2e-3})), "wf_increment = "
+    )
 
 
 def test_a_uff_data_set_has_as_many_samples_as_it_states(tmp_path):
@@ -438,10 +495,12 @@ def test_an_unfinished_tdms_file_is_read_as_far_as_it_was_written(tmp_path):
 
 @pytest.mark.parametrize("length", [0, 0xFFFFFFFF])
 @pytest.mark.parametrize("rest", [b"", b"\x01"])
-def test_a_streamed_wav_file_is_read_to_its_end(tmp_path, length, rest):
+@pytest.mark.parametrize("is_file_length_known", [False, True])
+def test_a_streamed_wav_file_is_read_to_its_end(tmp_path, length, rest, is_file_length_known):
     path = write_wav(tmp_path / "a.wav", TONE)
     stored = bytearray(path.read_bytes())
-    stored[4:8] = stored[40:44] = struct.pack("<I", length)
+    stored[40:44] = struct.pack("<I", length)
+    stored[4:8] = stored[4:8] if is_file_length_known else stored[40:44]
     path.write_bytes(stored + rest)
     with pytest.warns(EmacmWarning, match="a.wav: it does not state its length"):
         assert len(opened(path).signals["x0"]) == N

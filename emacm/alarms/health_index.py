@@ -243,8 +243,7 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         self._baselines = known = _Baselines.of(X, own)
         if not known.total.any() or (known.means and not known.within.any()):
             raise ValueError(
-                f"X has no variation in any of {X.shape[1]} features, or none within units: are "
-                f"recordings copies?"
+                "X has no variation in its features, or none within units: are recordings copies?"
             )
         self.units_ = tuple(known.means)
         population = blocks if own is None else own

@@ -279,12 +279,11 @@ def _stated_pairs(
 def _check_axes(cost: pd.DataFrame) -> None:
     """Raise a ValueError if the names of the axes say that rows are the true classes."""
     rows, columns = (str(axis.name).lower().replace("_", " ").split() for axis in cost.axes)
-    truth, decision = {"true", "truth", "actual"}, {"decision", "predicted", "prediction", "pred"}
-    if truth & {*rows} or decision & {*columns}:
+    of_decisions = ("decision", "decided", "pred", "action")
+    if {"true", "truth", "actual"} & {*rows} or any(x.startswith(of_decisions) for x in columns):
         raise ValueError(
             f"the axes of cost are named {cost.index.name!r} (rows) and {cost.columns.name!r} "
-            f"(columns), but rows are decisions and columns are true classes. Give cost.T, or "
-            f"other names."
+            "(columns), but rows are decisions and columns truths. Give cost.T, or other names."
         )
 
 

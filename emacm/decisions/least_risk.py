@@ -70,9 +70,10 @@ class LeastRiskClassifier(
     Other priors are applied by Bayes' rule: the posterior is multiplied by ``priors / own`` and
     normalised, where `own` is the prior within the posterior: `priors_` or
     `class_prior_` of the estimator (the last step of a pipeline, the best estimator of a search),
-    otherwise the frequencies of the classes in training, times its `class_weight`. A classifier
-    that balances classes by other means does not reveal its prior; the result is then wrong by a
-    constant factor for each class.
+    otherwise the frequencies of the classes in training, times its `class_weight`; `priors` are
+    refused where only classifiers within it (of a VotingClassifier and the like) have one. A
+    classifier that balances classes by other means does not reveal its prior; the result is then
+    wrong by a constant factor for each class.
 
     Examples
     --------
@@ -193,8 +194,7 @@ class LeastRiskClassifier(
         undefined = np.isnan(logs).any(axis=1)
         if undefined.any():
             raise ValueError(
-                f"the posterior of recording {int(np.argmax(undefined))} is NaN. Check the "
-                f"features of that recording."
+                f"the posterior of recording {undefined.argmax()} is NaN. Check its features."
             )
         if self.priors is None:
             return logs
@@ -206,6 +206,15 @@ class LeastRiskClassifier(
             raise ValueError(
                 "priors of a ConditionRouter belong inside: how frequent the classes were in "
                 "training differs from condition to condition. Give them to its estimator."
+            )
+        final = final_estimator(self.estimator_)
+        kind = type(final).__name__  # those that are fitted to frequencies remove weights again
+        is_fitted = kind in ("CalibratedClassifierCV", "StackingClassifier")
+        inner = {} if self.priors is None or is_fitted else final.get_params()
+        for name in (x for x in inner if x.endswith("__class_weight") and inner[x]):
+            raise ValueError(
+                f"the prior within the posterior of {kind} is not known, because of {name}="
+                f"{inner[name]!r}. Leave class_weight out: priors and cost do what it is for."
             )
         check_possible(self.priors_, self.estimator_priors_, self.classes_)
 

@@ -204,8 +204,7 @@ class PosteriorProduct(CombinedRiskMixin, ClassifierMixin, SavedEstimator):
         if self.priors is None and np.ptp(self.member_priors_, axis=0).max() > 1e-6:
             listed = {name: prior.round(6).tolist() for name, prior in own.items()}
             raise ValueError(
-                f"members have different priors of {self.classes_.tolist()}: {listed}. "
-                f"Give priors=..., those in service."
+                f"members have different priors: {listed}. Give priors=..., those in service."
             )
         for name, prior in own.items():
             check_possible(self.priors_, prior, self.classes_, f"member {name!r}")

@@ -170,8 +170,7 @@ def spectral_kurtosis(
     check_count(n_per_segment, "n_per_segment", at_least=8)
     if len(values) < 8 * n_per_segment:
         raise ValueError(
-            f"the signal has {len(values)} samples, fewer than 8 segments of {n_per_segment}. "
-            f"Lower n_per_segment."
+            f"8 segments of {n_per_segment} exceed {len(values)} samples. Lower n_per_segment."
         )
     window = scipy.signal.get_window("hann", n_per_segment)
     inner = slice(1, -(-n_per_segment // 2))
@@ -197,7 +196,6 @@ def _kurtosis(signal: Any, window: Array, hop: int, n_folded: int, inner: slice)
     second, fourth = moments[:, inner]
     if not second.all():
         raise ValueError(
-            "the signal has no power at some frequencies, so its kurtosis is not defined. Leave "
-            "the channel out, or give a band."
+            "the signal has no power at some frequencies. Leave the channel out, or give a band."
         )
     return n_frames * fourth / second**2 - 2

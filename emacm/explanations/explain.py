@@ -310,8 +310,7 @@ def match_fault_orders(
     missing = [c for c in columns if c not in getattr(explanation, "columns", ())]
     if missing:
         raise ValueError(
-            f"explanation must be a table from explain_decision or explain_model; it has no "
-            f"column {missing[0]!r}."
+            f"explanation must be of explain_decision or explain_model; {missing[0]!r} is missing."
         )
     check_number(slip, "slip", at_least=0, below=1)
     low, high = (explanation[name].to_numpy(np.float64) for name in ("low", "high"))

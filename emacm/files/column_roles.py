@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from emacm._checks import check_signal, located
 from emacm._statements import warn
 from emacm.files.even_times import EvenTimes, even_times
-from emacm.files.file_columns import FileColumns, is_rate_name, without_signal
+from emacm.files.file_columns import FileColumns, is_rate_name, missing_codes, without_signal
 from emacm.files.layout import Layout, constant_speed
 from emacm.files.sample_times import dates_of, seconds_of, unit_that_fits
 from emacm.recordings.names import (
@@ -257,9 +257,8 @@ def _channel_columns(
         return {name: content.find(column) for name, column in chosen.items()}
     if chosen is not None:
         return {split_unit(name.partition("|")[0])[0]: content.find(name) for name in chosen}
-    ignored = {times, shaft}
-    if layout.time is False:
-        ignored |= {name for name in content.columns if is_time_name(name)}
+    ignored = {times, shaft}  # nor is another clock a channel
+    ignored |= {name for name in content.columns if is_time_name(re.split(r"[/.]", name)[-1])}
     rest = [name for name in content.columns if name not in ignored]
     motions = [name for name in content.like_shaft() if name in rest]
     if motions:
@@ -399,7 +398,9 @@ def _known_rate(rates: Mapping[str, EvenTimes], column: str, name: str) -> EvenT
     return rates[column]
 
 
-def _signal(content: FileColumns, column: str, name: str) -> NDArray[np.floating]:
+def _signal(
+    content: FileColumns, column: str, name: str, *, is_tacho: bool = False
+) -> NDArray[np.floating]:
     """Return a column that is finite, and without codes for missing values or other defects."""
     if column in content.defects:
         raise ValueError(
@@ -407,17 +408,13 @@ def _signal(content: FileColumns, column: str, name: str) -> NDArray[np.floating
             f"{list(content.columns)}."
         )
     values = check_signal(content.columns[column], name)
-    # Written by loggers for missing values: limits of 16 and 32 bits, nines, and NaN of SCPI.
-    codes = {-(2.0**15), 2.0**15 - 1, 2.0**16 - 1, -(2.0**31), 2.0**31 - 1, 9.91e37}
-    codes |= {sign * (10.0**digits - 1) for sign in (1, -1) for digits in (3, 4, 5, 6)}
-    for code in {float(values.min()), float(values.max())} & codes:
-        is_code = values == code
-        if not is_code.all() and np.abs(values[~is_code]).max() < abs(code) / 10:
-            raise ValueError(
-                f"{name} has {is_code.sum()} values of {code:g}, first at sample "
-                f"{np.argmax(is_code)}, far from all others: a code for missing values. Cut the "
-                f"recording before it, or repair the gap."
-            )
+    is_code = missing_codes(values)
+    if is_code.any() and not is_tacho:
+        place = int(np.argmax(is_code))
+        raise ValueError(
+            f"{name} has {is_code.sum()} values of {values[place]:g}, first at sample {place}, far "
+            "from all others: a code for missing values. Cut before it, or repair the gap."
+        )
     return values
 
 
@@ -448,7 +445,8 @@ def _shaft(
     values: Any = content.numbers.get(column)
     even = EvenTimes(fs)
     if values is None:
-        values = _signal(content, column, f"the shaft column {column!r}")
+        is_tacho = layout.tacho is not None  # whose pulses may be of full scale
+        values = _signal(content, column, f"the shaft column {column!r}", is_tacho=is_tacho)
         even = _known_rate(rates, column, column)
     if layout.tacho is not None:
         options = dict(layout.tacho) if isinstance(layout.tacho, Mapping) else {}

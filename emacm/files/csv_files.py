@@ -161,7 +161,9 @@ class TextTable(NamedTuple):
                     f"of the file have decimal commas. Write all in one way"
                 )
         content.units |= {n: u for n, u in zip(self.names, self.units, strict=False) if u}
-        _add_stated_numbers(content, self.preamble)
+        # Beside decimal commas, 51.200 is fifty-one thousand.
+        dots = r"\d\.\d{3}\b" if self.decimal == "," else r"$^"
+        _add_stated_numbers(content, [x for x in self.preamble if not re.search(dots, x)])
 
 
 def text_table(head: Sequence[str]) -> TextTable:

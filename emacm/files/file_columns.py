@@ -8,17 +8,14 @@ from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from emacm._statements import Statement
 from emacm.files.even_times import Times
 from emacm.files.layout import constant_speed
-from emacm.recordings.names import (
-    is_shaft_name,
-    is_time_name,
-    split_unit,
-)
+from emacm.recordings.names import is_shaft_name, is_time_name, split_unit
 
 _RATES = {"fs", "sfreq", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency"}
 _RATES |= {"abtastrate"}
@@ -155,6 +152,36 @@ def _matching(wanted: str, known: Sequence[str]) -> list[str]:
 def is_rate_name(name: str) -> bool:
     """Tell whether a name is that of a sampling rate."""
     return re.sub("[^a-z]", "", name.lower()) in _RATES
+
+
+def missing_codes(values: NDArray[Any]) -> NDArray[np.bool_]:
+    """Tell which samples are codes for missing values, far from all others.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n_times,)
+        Finite numbers.
+
+    Returns
+    -------
+    ndarray of shape (n_times,)
+
+    Examples
+    --------
+    >>> missing_codes(np.array([0.5, -9999.0, 1.0]))
+    array([False,  True, False])
+    """
+    # Limits of 16, 24 and 32 bits, nines, and beyond 1e18 fill values of netCDF, NaN of SCPI,
+    # limits of floats and of 64 bits, which nothing that is measured has.
+    codes = [2.0**bits - n for bits in (15, 16, 23, 31, 32) for n in (0, 1)]
+    codes += [999.25, *(10.0**digits - 1 for digits in (3, 4, 5, 6))]
+    largest = float(np.abs([values.min(), values.max()], dtype=np.float64).max())
+    if largest in codes or largest > 1e18:
+        is_far = np.abs(values.astype(np.float64)) > largest / 4
+        far = np.abs(values[is_far].astype(np.float64))
+        if not is_far.all() and (np.isin(far, codes) | (far > 1e18)).all():
+            return is_far
+    return np.zeros(len(values), dtype=bool)
 
 
 def without_signal(content: FileColumns) -> str:

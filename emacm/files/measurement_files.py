@@ -17,11 +17,12 @@ import pandas as pd
 import scipy  # scipy.io is imported when it is used
 
 from emacm._statements import warn
-from emacm.files.file_columns import FileColumns, RefusedFileError
-from emacm.recordings.names import printable
+from emacm.files.file_columns import FileColumns, RefusedFileError, missing_codes
+from emacm.recordings.names import is_time_name, printable
 
 _RATE_KEYS = ("fs", "sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "rate")
-_ABSCISSAS = {8: "displacement", 11: "velocity", 18: "frequency", 19: "rpm", 20: "order"}  # UFF
+_ABSCISSAS = {8: "displacement", 11: "velocity", 17: "", 18: "frequency", 19: "rpm"}  # UFF
+_ABSCISSAS |= {20: "order"}
 _UNIT_KEYS = ("unit", "units", "Unit", "Units")
 
 
@@ -137,7 +138,7 @@ def _repair_lengths(stored: bytearray, path: Path) -> None:
     form = stored.find(b"fmt ") + 8
     start = stored.find(b"data", form) + 8  # of the samples
     of_file, of_samples = (int.from_bytes(stored[end - 4 : end], "little") for end in (8, start))
-    if of_samples == 0xFFFFFFFF or of_file == of_samples == 0:
+    if of_samples == 0xFFFFFFFF or (of_samples == 0 and len(stored) > start):
         frame = int.from_bytes(stored[form + 12 : form + 14], "little") or 1  # bytes of an instant
         del stored[len(stored) - (len(stored) - start) % frame :]
         stored[start - 4 : start] = (len(stored) - start).to_bytes(4, "little")
@@ -260,6 +261,12 @@ def _packed(node: Any) -> Any:
         return values
     for key in {"_FillValue", "missing_value"} & attributes.keys():
         values = np.where(np.isin(values, attributes[key]), np.nan, values)
+    ends = [attributes.get(key, math.nan) for key in ("valid_min", "valid_max")]
+    low, high = np.ravel(attributes.get("valid_range", ends))
+    if not np.isnan([low, high]).all():
+        values = np.where((values < low) | (values > high), np.nan, values)
+    if "scale_factor" in attributes and np.ndim(values) == 1 and len(values):
+        values = np.where(missing_codes(values), np.nan, values)
     for key, change in (("scale_factor", np.multiply), ("add_offset", np.add)):
         if key in attributes:
             values = change(values, float(np.squeeze(attributes[key])))
@@ -270,13 +277,13 @@ def read_tdms(path: Path, content: FileColumns) -> None:
     """Add the channels of a TDMS file; as "group/channel" if a name occurs twice."""
     nptdms = optional_library("nptdms", "TDMS")
     with open(path, "rb") as file:  # which nptdms would leave open if it is damaged
-        differing = _differing_segments(nptdms, _segments(file, path))
+        states = _states_of_channels(nptdms, _segments(file, path))
         table = nptdms.TdmsFile.open(file)
         channels = [channel for group in table.groups() for channel in group.channels()]
         names = [channel.name for channel in channels]
-        starts = [channel.properties.get("wf_start_time") for channel in channels]
+        starts = [states[channel.path][0][2].get("wf_start_time") for channel in channels]
         content.start = min((pd.Timestamp(start) for start in starts if start), default=None)
-        for channel, start in zip(channels, starts, strict=True):
+        for channel in channels:
             twice = names.count(channel.name) > 1
             name = f"{channel.group_name}/{channel.name}" if twice else channel.name
             add_array(content, name, channel[:])
@@ -285,13 +292,25 @@ def read_tdms(path: Path, content: FileColumns) -> None:
                 content.rates[name] = _roundest_rate(float(properties["wf_increment"]), digits=15)
             if unit := properties.get("unit_string") or properties.get("NI_UnitDescription"):
                 content.units[name] = str(unit)
-            axis = [str(properties.get(key) or "") for key in ("wf_xname", "wf_xunit_string")]
-            if axis[1].lower() not in ("", "s", "sec", "seconds") or "freq" in axis[0].lower():
-                content.defects[name] = f"is no signal over time, but over {' '.join(axis).strip()}"
-            elif channel.path in differing:
-                content.defects[name] = differing[channel.path]
-            later = pd.Timestamp(start) - content.start if start else pd.Timedelta(0)
-            content.starts[name] = later.total_seconds() + properties.get("wf_start_offset", 0.0)
+            axis, of_axis = (properties.get(key) for key in ("wf_xname", "wf_xunit_string"))
+            if reason := _other_axis(axis, of_axis) or _difference(states[channel.path]):
+                content.defects[name] = reason
+            begin = {"wf_start_time": content.start or 0}
+            content.starts[name] = _seconds_since(begin | states[channel.path][0][2], begin)
+
+
+def _other_axis(name: Any, unit: Any) -> str:
+    """Say that values are over something else than time in s, by the name and unit of their axis.
+
+    Examples
+    --------
+    >>> _other_axis("Time", "s"), _other_axis("", "Hz")
+    ('', 'is no signal over time in s, but over Hz')
+    """
+    name, unit = (re.sub("^NONE$", "", str(x or "").strip(), flags=re.I) for x in (name, unit))
+    if unit.lower() in ("s", "sec", "seconds") or not (unit or (name and not is_time_name(name))):
+        return ""
+    return f"is no signal over time in s, but over {name} {unit}".replace("  ", " ").rstrip()
 
 
 def _segments(file: BinaryIO, path: Path) -> list[bytes]:
@@ -303,7 +322,7 @@ def _segments(file: BinaryIO, path: Path) -> list[bytes]:
         start = file.read(28)
         if not b"TDSm".startswith(start[:4]):  # a damaged file
             break
-        start = start.ljust(28)
+        start = start.ljust(28, b"\0")
         order: Literal["big", "little"] = "big" if start[4] & 64 else "little"
         length, n_before_samples = (int.from_bytes(start[at : at + 8], order) for at in (12, 20))
         if length == 2**64 - 1:  # of a segment that was being written
@@ -317,35 +336,45 @@ def _segments(file: BinaryIO, path: Path) -> list[bytes]:
     return segments
 
 
-def _differing_segments(nptdms: Any, segments: Sequence[bytes]) -> dict[str, str]:
-    """Return the TDMS channels whose segments do not follow each other at one rate, and why.
+_State = tuple[int, int, dict[str, Any]]  # number of segments and of samples, properties
+
+
+def _states_of_channels(nptdms: Any, segments: Sequence[bytes]) -> dict[str, list[_State]]:
+    """Return what is known of each TDMS channel after some segments: all, or 30 of more than 100.
 
     A file has the properties of its last segment; those of the others are found by leaving out what
-    follows them. This is done for the first 100 segments.
+    follows them.
     """
-    states: dict[str, list[tuple[int, float, Any]]] = {}
-    for n in range(1, min(len(segments), 100) + 1):
+    states: dict[str, list[_State]] = {}
+    last = np.linspace(1, len(segments), len(segments) if len(segments) <= 100 else 30)
+    for n in sorted({int(end) - before for end in last for before in (0, 1)} - {0}):
         table = nptdms.TdmsFile.read_metadata(BytesIO(b"".join(segments[:n])))
         for channel in (channel for group in table.groups() for channel in group.channels()):
-            step = float(channel.properties.get("wf_increment") or 0)
-            state = len(channel), step, channel.properties.get("wf_start_time")
+            state = n, len(channel), dict(channel.properties)
             states.setdefault(channel.path, []).append(state)
-    differing: dict[str, str] = {}
-    for path, found in states.items():
-        _, step, first = found[0]
-        for (n, _, before), (_, later, start) in pairwise(found):
-            apart = 0.0 if first is None else (start - first) / np.timedelta64(1, "s")
-            late = apart - n * step
-            if later != step:
-                rates = " and ".join(f"{1 / each:.6g}" for each in (step, later) if each)
-                reason = f"has segments with rates of {rates} Hz"
-            elif step and start != before and abs(late) > 1e-3 + 1.5 * step:
-                reason = f"has a segment that starts {late:.6g} s after the end of the one before, "
-                reason += f"at sample {n}"
-            else:
-                continue
-            differing.setdefault(path, f"{reason}. Save each as a file")
-    return differing
+    return states
+
+
+def _difference(states: Sequence[_State]) -> str:
+    """Say where TDMS segments do not follow each other at one rate, or have other units."""
+    first = states[0][2]
+    step = float(first.get("wf_increment") or 0)
+    for (n_before, n_times, before), (n, _, now) in pairwise(states):
+        late = _seconds_since(now, first) - n_times * step
+        for key in ("wf_increment", "unit_string"):
+            if key in first and now[key] != first[key]:
+                return f"has segments with {key} = {first[key]} and {now[key]}. Save each as a file"
+        is_next = n == n_before + 1 and step > 0 and _seconds_since(now, before) != 0
+        if is_next and abs(late) > 1e-3 + 1.5 * step:
+            text = f"has a segment that starts {late:.6g} s after the end of the one before, at "
+            return f"{text}sample {n_times}. Save each as a file"
+    return ""
+
+
+def _seconds_since(now: Mapping[str, Any], first: Mapping[str, Any]) -> float:
+    start, before = (pd.Timestamp(each.get("wf_start_time", 0)) for each in (now, first))
+    late = now.get("wf_start_offset", 0.0) - first.get("wf_start_offset", 0.0)
+    return (start - before).total_seconds() + late
 
 
 def _check_complete(path: Path, stated: int) -> None:
@@ -373,10 +402,14 @@ def read_uff(path: Path, content: FileColumns) -> None:
     for name, one in zip(_distinct(names), [sets[n] for n in ids], strict=True):
         n_times = int(one.get("num_pts") or len(one["data"]))
         add_array(content, name, one["data"][:n_times])
-        axis = _ABSCISSAS.get(one.get("abscissa_spec_data_type"), "")
-        if axis or one.get("func_type", 1) not in (0, 1):
-            axis = axis or f"another quantity (type of function {one['func_type']})"
-            content.defects[name] = f"is no signal over time, but over {axis}"
+        kind, of_function = one.get("abscissa_spec_data_type"), one.get("func_type", 1)
+        label, unit = one.get("abscissa_axis_lab"), one.get("abscissa_axis_units_lab")
+        if of_function not in (0, 1):
+            label, unit = f"another quantity (type of function {of_function})", ""
+        elif kind not in (None, 0, 1):  # unknown, or general
+            label, unit = _ABSCISSAS.get(kind, f"a quantity {kind}"), unit if kind == 17 else ""
+        if reason := _other_axis(label, unit):
+            content.defects[name] = reason
         elif len(one["data"]) < n_times:
             content.defects[name] = f"has only {len(one['data'])} of {n_times} stated samples"
         step = float(one.get("abscissa_inc") or 0)
@@ -434,7 +467,7 @@ def read_mdf(path: Path, content: FileColumns) -> None:
                 )
             axis, kind = signal.master_metadata or ("time", 1)
             if kind not in (0, 1):  # none, time
-                content.defects[name] = f"is no signal over time, but over {axis!r}"
+                content.defects[name] = f"is no signal over time in s, but over {axis!r}"
 
 
 def _roundest_rate(step: float, *, digits: int) -> float:

@@ -309,8 +309,7 @@ class MqttSink:
     ) -> None:
         if history is None:
             raise ValueError(
-                f"{url}: MQTT needs a history beside it, such as --sink results.sqlite: it keeps "
-                f"records while the broker is away."
+                f"{url}: MQTT needs a history, as --sink h.sqlite, for times without the broker."
             )
         self._url, self._history = url, history
         self._at_once, self._patience = at_once, patience

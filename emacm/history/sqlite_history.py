@@ -102,8 +102,7 @@ class History:
                 self._base.execute(f"PRAGMA user_version = {_VERSION}")
         except (sqlite3.Error, ValueError) as error:
             raise ValueError(
-                f"{self.path} cannot be used as a history: {error}. Name a new file, or one that "
-                f"emacm wrote."
+                f"{self.path} cannot be used as a history: {error}. Name a new file."
             ) from error
 
     def close(self) -> None:

@@ -162,8 +162,7 @@ def _columns(**values: ArrayLike) -> list[Array]:
     shapes = [column.shape for column in columns]
     if len(set(shapes)) > 1 or len(shapes[0]) != 1 or not shapes[0][0]:
         raise ValueError(
-            f"{', '.join(values)} must be one-dimensional and of the same length, got shapes "
-            f"{shapes}."
+            f"{', '.join(values)} must be one-dimensional, of the same length, got {shapes}."
         )
     check_finite(columns[0], next(iter(values)))
     return columns

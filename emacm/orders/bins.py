@@ -108,10 +108,7 @@ def check_stop_bands(stop_bands: Sequence[Band]) -> list[Band]:
     """
     listed = np.iterable(stop_bands) and not isinstance(stop_bands, str | Mapping)
     if not listed or any(not np.iterable(band) for band in stop_bands):
-        raise TypeError(
-            f"stop_bands must be a sequence of (low, high) pairs, got {stop_bands!r}. "
-            f"Write one band as ((low, high),)."
-        )
+        raise TypeError(f"stop_bands must be pairs such as ((low, high),), got {stop_bands!r}.")
     bands = sorted(_check_band(b, f"stop band {i}") for i, b in enumerate(stop_bands))
     joined: list[Band] = []
     for low, high in bands:

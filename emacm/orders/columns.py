@@ -124,8 +124,7 @@ class OrderTable(BinPowers):
         table = super().__new__(cls, values.astype(dtype), columns)
         if table.ndim != 2 or table.shape[1] != len(columns):
             raise ValueError(
-                f"{len(columns)} names were given for values of shape {table.shape}; expected one "
-                f"for each column."
+                f"{len(columns)} names are given for the shape {table.shape}. Name each column."
             )
         return table
 

@@ -471,8 +471,7 @@ def _checked_pairs(pairs: Any, channels: Sequence[str]) -> tuple[tuple[str, str]
         pairs = list(combinations(channels, 2))
     if not isinstance(pairs, Sequence) or any(isinstance(pair, str) for pair in pairs):
         raise TypeError(
-            f"pairs must be a list of (input, output) channels, such as [('torque', 'current')]; "
-            f"got {pairs!r}."
+            f"pairs must be a list of (input, output), as [('torque', 'current')]; got {pairs!r}."
         )
     checked = tuple(tuple(pair) for pair in pairs)
     wrong = [p for p in checked if len(p) != 2 or p[0] == p[1] or not {*p} <= {*channels}]

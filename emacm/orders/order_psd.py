@@ -271,8 +271,7 @@ class OrderPSD(WelchEstimator):
         """Compare recordings with the axis and the channels of `fit`."""
         if not self._over_angle:
             raise ValueError(
-                f"{described(rows[0], 0)} is a recording, but OrderPSD was fitted on plain rows. "
-                f"Fit it again."
+                f"{described(rows[0], 0)} is a recording, but fit saw plain rows. Fit it again."
             )
         known = self.channels_, self.theta_s_
         check_alike(rows, *known, "OrderPSD", by_direction=self.by_direction_)

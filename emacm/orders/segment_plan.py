@@ -208,8 +208,7 @@ class SegmentPlan:
             return (), (np.concatenate(list(blocks), axis=1) for blocks in signals)
         if not lengths or self.short == "pad":
             raise ValueError(
-                f"it has no {kind} of two samples. Leave it out, or set by_direction=False where "
-                f"directions are separate."
+                f"it has no {kind} of two samples. Leave it out, or set by_direction=False."
             )
         raise ValueError(
             f"no {kind} holds a segment of {self.revolutions:g} revolutions ({self.n_per_segment} "

@@ -64,8 +64,7 @@ def check_rates(fs: Any, channels: tuple[str, ...]) -> dict[str, float]:
         return dict.fromkeys(channels, rate)
     if set(fs) != set(channels):
         raise ValueError(
-            f"fs must give a rate for each channel: channels are {list(channels)}, "
-            f"rates are given for {list(fs)}."
+            f"fs must give a rate for each channel of {list(channels)}, but has {list(fs)}."
         )
     return {
         name: check_number(fs[name], f"fs of channel {name!r}", above=0, unit="Hz")

@@ -111,8 +111,7 @@ def chosen_channels(channels: Any, known: Sequence[str]) -> tuple[str, ...]:
     chosen = tuple(channels)
     if not chosen or len(set(chosen)) < len(chosen):
         raise ValueError(
-            f"channels must name at least one channel, and name each channel once; got "
-            f"{list(chosen)}."
+            f"channels must have at least one name, and each once; got {list(chosen)}."
         )
     return chosen
 

@@ -81,8 +81,7 @@ def read_parts(path: Path) -> list[Any]:
                 continue
             if name not in kinds:
                 raise ValueError(
-                    f"it has a table {name!r}; possible are 'orders' and {list(kinds)}, as in "
-                    f"[[Bearing]]."
+                    f"it has a table {name!r}; possible are 'orders', [[Bearing]] or {list(kinds)}."
                 )
             with located(name):
                 for one in np.ravel(tables):
@@ -128,8 +127,7 @@ def read_results(path: Path) -> pd.DataFrame:
             raise ValueError("a table of results must end with .csv, .jsonl or .sqlite.")
         if not {"recording", "decision"} <= set(table.columns):
             raise ValueError(
-                f"it is not a table of emacm score, whose columns are 'recording', 'decision' and "
-                f"others; got {list(table.columns)}."
+                f"it is not a table of emacm score; it has the columns {list(table.columns)}."
             )
     return table
 

@@ -262,8 +262,7 @@ def _actions(actions: Any, model: Any) -> dict[str, str] | None:
     for label, text in actions.items():
         if str(label) not in decisions or not isinstance(text, str):
             raise ValueError(
-                f"the action for {label!r}, {text!r}, must be a text for a decision of the model; "
-                f"these are {decisions}."
+                f"the action for {label!r}, {text!r}, must be a text for one of {decisions}."
             )
     return {str(label): text for label, text in actions.items()}
 

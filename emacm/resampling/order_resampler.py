@@ -403,7 +403,6 @@ def _bare_channels(entry: Any) -> dict[str, Any]:
     array = check_real_array(entry, "the array")
     if array.ndim != 2 or array.shape[0] > array.shape[1]:
         raise ValueError(
-            f"expected an array of shape (n_channels, n_times), got {array.shape}. Transpose it if "
-            f"it has one row per sample."
+            f"an array must have the shape (n_channels, n_times), got {array.shape}. Transpose it."
         )
     return {f"x{i}": row for i, row in enumerate(array)}

@@ -283,8 +283,7 @@ def _families(parts: Any) -> list[tuple[float, float]]:
     off_orders = [(low, high) for low, high in families if low <= high]
     if not off_orders:
         raise ValueError(
-            "parts has no line off the orders of the shaft, so it cannot confirm a speed. Give the "
-            "bearings as well, or narrow speeds."
+            "parts has no line off the orders of the shaft. Give bearings, too, or narrow speeds."
         )
     return off_orders
 

@@ -111,8 +111,7 @@ class StreamInput(Resumable):
             lengths = {name: len(row) for name, row in zip(names, taken, strict=True)}
             if len({*lengths.values()}) > 1:
                 raise ValueError(
-                    f"channels of {rate:g} Hz must have equally many samples in a block, got "
-                    f"{lengths}."
+                    f"channels of {rate:g} Hz must have equally many samples, got {lengths}."
                 )
             streams.append(np.array(taken))
         motion = _samples(shaft, reference, self._settings.shaft_fs, times[-1])
@@ -492,8 +491,7 @@ class OrderMonitor:
             raise ValueError("exactly one of velocity and angle must be given.")
         if self._reference not in ("", reference):
             raise ValueError(
-                f"the stream began with {self._reference}, got {reference}. Give the same one, or "
-                f"end the recording by flush()."
+                f"the stream began with {self._reference}, got {reference}. Keep it, or flush()."
             )
 
     def _checked_time(self, time: float | None) -> float:

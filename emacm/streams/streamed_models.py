@@ -142,8 +142,7 @@ class StreamedModel:
         model = search_estimator(model)
         if not isinstance(model, Pipeline):
             raise TypeError(
-                f"model must be a fitted pipeline of {_CHAIN} and a classifier, got "
-                f"{type(model).__name__}."
+                f"model must be a pipeline of {_CHAIN} and classifier, got {type(model).__name__}."
             )
         check_is_fitted(model)
         check_unknown_states(model)

@@ -100,8 +100,7 @@ class StrokeProfile(StrokeFeatures):
         long = [s for s in strokes if len(s.travel) > 1 and np.max(s.travel) > s.travel[0]]
         if not long:
             raise ValueError(
-                "no stroke contains two samples, so it has no profile. Resample to a smaller "
-                "theta_s, or leave the recording out."
+                "no stroke contains two samples. Lower theta_s, or leave the recording out."
             )
         profiles = [
             cosine_coefficients(stroke_positions(s.travel), s.signal, self.n_coefficients)

@@ -157,8 +157,7 @@ def common_slope(signals: Sequence[ArrayLike], turns: Sequence[ArrayLike]) -> fl
         squares += float(centred @ centred)
     if not squares > 0:
         raise ValueError(
-            "a slope needs samples at two different angles. Leave 'slope' out, or use longer "
-            "strokes."
+            "a slope needs samples at two angles. Leave 'slope' out, or use longer strokes."
         )
     return products / squares
 
@@ -174,8 +173,7 @@ def _peak(x: Array) -> Array:
 def _crest_factor(x: Array) -> Array:
     if not _peak(x) > 0:
         raise ValueError(
-            "the crest factor of a signal of zeros is undefined. Leave 'crest_factor' or the "
-            "channel out."
+            "a signal of zeros has no crest factor. Leave 'crest_factor' or the channel out."
         )
     return _peak(x) / _rms(x)
 

@@ -32,7 +32,7 @@ def table(columns=COLUMNS):
 
 
 def test_names_that_do_not_fit_the_table_are_refused():
-    with pytest.raises(ValueError, match=r"2 names were given for values of shape \(4, 3\)"):
+    with pytest.raises(ValueError, match=r"2 names are given for the shape \(4, 3\)"):
         table(COLUMNS[:2])
 
 

@@ -116,8 +116,8 @@ WITH_CHANNELS = [
         ({"torque", "current"}, TypeError, "list of names such as .*, got {'"),
         (iter(["torque"]), TypeError, "It can be read only once; write list"),
         ([0], TypeError, r"list of names such as .*, got \[0\]"),
-        ([], ValueError, "at least one channel"),
-        (["torque", "torque"], ValueError, r"each channel once; got \['torque', 'torque'\]"),
+        ([], ValueError, "at least one name"),
+        (["torque", "torque"], ValueError, r"each once; got \['torque', 'torque'\]"),
         (["sound"], ValueError, "no channel 'sound'"),
     ],
 )

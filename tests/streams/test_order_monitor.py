@@ -514,7 +514,7 @@ def test_models_that_need_whole_recordings_are_refused_with_the_reason(fitted, s
 
 def test_other_models_and_other_channels_are_refused(fitted):
     model, recording = fitted
-    with pytest.raises(TypeError, match="must be a fitted pipeline"):
+    with pytest.raises(TypeError, match="must be a pipeline"):
         monitor_of(CostSensitiveGaussianBayes(), recording)
     with pytest.raises(ValueError, match="the stream has no channel 'axial'"):
         OrderMonitor(model, fs=2000, channels=["force"], max_speed=90)
