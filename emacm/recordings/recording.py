@@ -421,7 +421,7 @@ def cut_content(recording: Recording, start: Any, stop: Any) -> dict[str, Any]:
     end = duration if stop is None else check_number(stop, "stop", above=0, unit="s")
     if not begin < end or end > duration * (1 + 1e-9):
         raise ValueError(
-            f"start and stop must be in turn, within {duration:.9g} s, got {start!r} and {stop!r}."
+            f"start and stop must ascend within {duration:.9g} s, got {start!r} and {stop!r}."
         )
     slowest = min(*recording.fs.values(), recording.shaft_fs)
     # A time in seconds may miss a sample by rounding.
