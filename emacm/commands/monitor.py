@@ -49,7 +49,9 @@ def run(options: argparse.Namespace) -> int:
     int
         0; 3 if rows were invalid and skipped.
     """
-    layout, model = Layout.from_toml(options.layout), load_model(options.model)
+    # Signals that are stored for an alarm have other names than the files of a folder.
+    layout = replace(Layout.from_toml(options.layout), meta=None)
+    model = load_model(options.model)
     _check_layout(layout)
     if options.source == "-" and options.state is not None:
         raise ValueError("--state needs a file, as the standard input cannot be read again.")

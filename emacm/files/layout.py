@@ -130,7 +130,8 @@ class Layout:
         below a tenth of the sampling interval, which is stated.
     meta : str, DataFrame or mapping, optional
         Pattern of the file names, as ``"{unit}_{state}_{run:d}.mat"`` (without a suffix, it is
-        matched against the name without its suffix; ``:d`` makes an integer, ``:g`` a number), or
+        matched against the name without its suffix; ``:d`` makes an integer, ``:g`` a number; in
+        names of new files {state}, or {label}, {class}, {condition}, {fault}, may be missing), or
         a table: a DataFrame whose index or column "file" has the names of the files, or a mapping
         from names to mappings. A text that ends with ".csv" is the path of such a table. Names may
         begin with folders, ``"bench/A_07.csv"``; of several that match, the longest path is taken.
@@ -412,7 +413,7 @@ def meta_from_name(path: PurePath, pattern: str) -> dict[str, Any]:
     pattern : str
         Such as "{unit}_{state}_{run:d}.mat": fields are texts; ``:d`` makes a field an integer,
         ``:g`` a number. Without a suffix it is matched against the name without its suffix; with
-        "/" also against the folders.
+        "/" also against the folders. A state (label, class, condition, fault) may be missing.
 
     Returns
     -------
@@ -434,6 +435,12 @@ def meta_from_name(path: PurePath, pattern: str) -> dict[str, Any]:
     tried = name.removesuffix(path.suffix) if path.suffix not in pattern[-8:] else name
     longest, shortest = greedy.fullmatch(tried), lazy.fullmatch(tried)
     if longest is None or shortest is None:
+        # A new file has no state in its name, but its unit: "A7_03" of "{unit}_{state}_{run:d}".
+        label = r"\{(?:state|label|class|condition|fault|zustand)\}"
+        rest = re.sub(rf"[-_ ]?{label}(?=\.|$)|{label}[-_ /]?", "", pattern, count=1)
+        if rest != pattern and re.search(r"\{.*\}", rest):
+            with suppress(ValueError):
+                return meta_from_name(path, rest)
         raise ValueError(
             f"the file name {name!r} does not match the pattern {pattern!r} of meta. Rename it."
         )
