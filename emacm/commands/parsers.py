@@ -178,6 +178,7 @@ def _inspect(command: Add) -> None:
     add("--plot", _writable, "PNG", "draw the columns")
     add("--draft", _writable, "TOML", "write a draft of the layout of such files")
     add("--meta", str, "PATTERN", "parts of file names, as '{unit}_{state}_{run:d}'")
+    add("--json", bool, None, "JSON on standard output")
 
 
 def _spectrum(command: Add) -> None:
@@ -380,6 +381,7 @@ def _trend(command: Add) -> None:
     add("--plot", _writable, "PNG", "draw the trend of each unit")
     machine = "for zones of RMS vibration: 'group 2 rigid' of ISO 20816-3, 'class I' of 10816-1"
     add("--machine", str, "CLASS", machine)
+    add("--json", bool, None, "table as JSON on standard output")
     add("--fail-on-alarm", bool, None, "exit status 1 if a unit exceeds its limit")
     _add_extent(add)
 

@@ -29,6 +29,15 @@ def columns_of(model: Any, *, of_streams: bool = False) -> list[str]:
     return [*first, *(n for n in record_of({}) if n not in (*first, *left_out))]
 
 
+def print_json(table: pd.DataFrame, **others: Any) -> None:
+    """Print the rows of a table as JSON; with others, an object that has them as "rows".
+
+    What is no finite number is null, dates are in ISO 8601.
+    """
+    rows = json.loads(table.to_json(orient="records", date_format="iso", double_precision=15))
+    print(json.dumps({**others, "rows": rows} if others else rows, ensure_ascii=False))
+
+
 def result_table(path: Path | None, model: Any, *, with_features: bool = False) -> Table:
     """Return the table in a file, or on the standard output.
 

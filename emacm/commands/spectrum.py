@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ import scipy  # scipy.signal is imported when it is used
 
 from emacm._saved import written_whole
 from emacm.commands.find import layout_of_options, parts_of_options
+from emacm.commands.result_tables import print_json
 from emacm.files.folder import open_recording, recording_files
 from emacm.machine.fault_orders import fault_orders
 from emacm.orders.columns import parse_order_columns
@@ -38,9 +38,10 @@ def run(options: argparse.Namespace) -> int:
     """
     layout = layout_of_options(options, recording_files(options.paths, None, options.pattern)[0])
     paths = recording_files(options.paths, layout, options.pattern)
-    if (options.map or options.order) and len(paths) > 1:
+    if (options.map or (options.order and options.plot)) and len(paths) > 1:
         raise ValueError(
-            f"--map and --order are of one file, got {len(paths)}. Name one, or use --pattern."
+            f"a map, or the picture of --order, is of one file, got {len(paths)}. Name one, or use "
+            f"--pattern."
         )
     recordings: dict[str, Recording] = {}
     for path in paths:
@@ -67,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
         with written_whole(options.csv) as unfinished:
             table.map(as_cell).to_csv(unfinished, index=False)
     if options.json:
-        print(json.dumps(table.to_dict("records")))
+        print_json(table)
     else:
         _print(table, quality.set_index(pd.Index(recordings)))
     if options.plot is not None:
@@ -99,7 +100,10 @@ def _extent(options: argparse.Namespace, quality: pd.DataFrame) -> tuple[float, 
     if highest is None:
         parts = parts_of_options(options)
         lines = fault_orders(*parts)["order"].max() if parts else 0.0
-        highest = min(supported, max(20.0, 4 * float(lines)))
+        highest = min(supported, max(50.0, 4 * float(lines)))
+        if highest < supported and not options.order:
+            text = f"Orders up to {highest:.4g}; the files support {supported:.4g}: --max-order."
+            print(text, file=sys.stderr)
     if highest > supported:
         raise ValueError(
             f"--max-order {highest:g}: the files support orders up to {supported:.4g} at their "
@@ -139,16 +143,22 @@ def _track(
     recordings: dict[str, Recording], orders: list[float], revolutions: float
 ) -> pd.DataFrame:
     """Return the orders over time and speed, for people: rpm and degrees."""
-    ((name, recording),) = recordings.items()
-    track = order_track(recording, orders, revolutions=revolutions)
-    columns = {
-        "time [s]": track["time"],
-        "speed [rpm]": track["speed"] / unit_factor("rpm", "velocity"),
-        "amplitude [peak]": track["amplitude"],
-        "phase [deg]": np.degrees(track["phase"]),
-        "unit": track["channel"].map(lambda channel: recording.units.get(channel, "")),
-    }
-    return track[["channel", "order"]].assign(**columns).assign(recording=name)
+    tables = []
+    for name, recording in recordings.items():
+        track = order_track(recording, orders, revolutions=revolutions)
+        units = {channel: recording.units.get(channel, "") for channel in recording.channels}
+        columns = {
+            "recording": name,
+            "channel": track["channel"],
+            "order": track["order"],
+            "time [s]": track["time"],
+            "speed [rpm]": track["speed"] / unit_factor("rpm", "velocity"),
+            "amplitude [peak]": track["amplitude"],
+            "phase [deg]": np.degrees(track["phase"]),
+            "unit": track["channel"].map(units),
+        }
+        tables.append(pd.DataFrame(columns))
+    return pd.concat(tables, ignore_index=True)
 
 
 def _print(table: pd.DataFrame, quality: pd.DataFrame) -> None:
@@ -158,9 +168,10 @@ def _print(table: pd.DataFrame, quality: pd.DataFrame) -> None:
         if "speed [rpm]" in rows:
             for order, part in rows.groupby("order", sort=False):
                 top = part.loc[part["amplitude [peak]"].idxmax()]
+                height = f"{top['amplitude [peak]']:.4g} {top['unit']}".rstrip()
                 print(
-                    f"    order {order:g}: highest {top['amplitude [peak]']:.4g} {top['unit']} "
-                    f"(peak) at {abs(top['speed [rpm]']):.0f} rpm, {top['time [s]']:.4g} s, phase "
+                    f"    order {order:g}: highest {height} (peak) at "
+                    f"{abs(top['speed [rpm]']):.0f} rpm, {top['time [s]']:.4g} s, phase "
                     f"{top['phase [deg]']:.0f} degrees"
                 )
             continue
