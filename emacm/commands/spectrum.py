@@ -128,12 +128,12 @@ def _spectra(
         resampler = OrderResampler(_step(highest), min_speed=min_speed)
         psd = OrderPSD(revolutions, max_order=highest)
         values = psd.fit_transform(resampler.fit_transform([recording]))
-        for block in parse_order_columns(psd.get_feature_names_out()) or ():
+        for block in parse_order_columns([*psd.get_feature_names_out()]) or ():
             density = np.asarray(values)[0, block.columns]
             # A tone has the height A²/2 / 1.5 bins, the equivalent noise bandwidth of a Hann window
             peak = np.sqrt(2 * density * 1.5 * psd.orders_[1])
             unit = recording.units.get(block.channel, "")
-            columns = {"order": block.orders, "psd [unit²/order]": density}
+            columns: dict[str, Any] = {"order": block.orders, "psd [unit²/order]": density}
             columns |= {"amplitude [peak]": peak, "unit": unit}
             tables.append(pd.DataFrame({"recording": name, "channel": block.channel, **columns}))
     return pd.concat(tables, ignore_index=True)
@@ -198,7 +198,7 @@ def _drawn(
     first = next(iter(recordings.values()))
     channel, parts = first.channels[0], parts_of_options(options)
     unit, over = first.units.get(channel, "unit"), "time" if options.over == "time" else "speed"
-    marks = {"fault_orders": fault_orders(*parts)} if parts else {}
+    marks: dict[str, Any] = {"fault_orders": fault_orders(*parts)} if parts else {}
     if options.order:
         known = {"over": over, "polar": options.polar, "revolutions": revolutions}
         figure = OrderTrackDisplay.from_recording(first, options.order, channel, **known).figure_
@@ -217,8 +217,8 @@ def _drawn(
         lines = dict(iter(table.groupby("recording", sort=False)))
         values = {name: rows["psd [unit²/order]"].to_numpy() for name, rows in lines.items()}
         orders = next(iter(lines.values()))["order"].to_numpy()
-        known = {"channel": channel, "unit": unit, "max_order": highest} | marks
-        OrderSpectrumDisplay(orders, values, **known).plot(ax=panels[0, 0])
+        lined: dict[str, Any] = {"channel": channel, "unit": unit, "max_order": highest}
+        OrderSpectrumDisplay(orders, values, **lined, **marks).plot(ax=panels[0, 0])
         if options.hz:
             _draw_hertz(recordings, channel, highest, panels[1, 0])
     if options.map or (options.order and not options.polar):

@@ -115,15 +115,12 @@ class OrderTrackDisplay(Display):
         axes = drawing.panel_axes(ax, 2, height=2.0)
         for number, (order, rows) in enumerate(lines.items(), 1):
             for part, direction in _parts(rows):
-                x = (
-                    part["time"]
-                    if self.over == "time"
-                    else part["speed"].abs() / unit_factor("rpm", "velocity")
-                )
+                rpm = part["speed"].abs() / unit_factor("rpm", "velocity")
+                x = part["time"] if self.over == "time" else rpm
                 label = f"order {order:g}{'' if direction > 0 else ', reverse'}"
                 if label in axes[0].get_legend_handles_labels()[1]:
                     label = "_"
-                style = {"color": drawing.colour_of(number), "label": label}
+                style: dict[str, Any] = {"color": drawing.colour_of(number), "label": label}
                 style |= {"linestyle": "-" if direction > 0 else "--"}
                 style |= {"linewidth": 1.1, "marker": "." if len(part) == 1 else ""}
                 axes[0].plot(x, part["amplitude"], **style)
@@ -152,15 +149,14 @@ class OrderTrackDisplay(Display):
             axes = list(drawing.panel_axes(ax, len(lines)))
         for panel, (number, (order, rows)) in zip(axes, enumerate(lines.items(), 1), strict=True):
             for part, direction in _parts(rows):
-                style = {"color": drawing.colour_of(number), "linewidth": 1.1}
+                style = {"color": drawing.colour_of(number), "linewidth": "1.1"}
                 style["linestyle"] = "-" if direction > 0 else "--"
                 panel.plot(part["phase"], part["amplitude"], **style)
             for row in rows.iloc[_apart(rows)].itertuples():
                 panel.plot(row.phase, row.amplitude, ".", color="0.2")
-                style = {"fontsize": drawing.SMALL, "xytext": (4, 2)}
-                style |= {"textcoords": "offset points"}
+                near: dict[str, Any] = {"xytext": (4, 2), "textcoords": "offset points"}
                 text = f"{abs(row.speed) / unit_factor('rpm', 'velocity'):.0f}"
-                panel.annotate(text, (row.phase, row.amplitude), **style)
+                panel.annotate(text, (row.phase, row.amplitude), fontsize=drawing.SMALL, **near)
             title = f"order {order:g} of {self.track['channel'].iloc[0]}"
             text = f"{title}\n[{self.unit}, peak]; marks: rpm"
             panel.set_title(text, fontsize=drawing.SMALL)

@@ -87,18 +87,14 @@ class FileContents:
 
     @property
     def groups(self) -> list[str]:
-        """Angles as TOML that other columns may give: phase currents, or a resolver."""
+        """Angles as TOML that several columns may give: phase currents, or a resolver."""
         known = {re.sub(r"[^a-z0-9]", "", name.lower()): name for name in self.numbers}
-        lines = []
-        for three in ("abc", "uvw", "123"):
-            for first in ("i", "current", "strom"):
-                names = [known.get(first + each) for each in three]
-                if None not in names:
-                    lines.append(f"{{currents = {json.dumps(names)}, pole_pairs = 1}}")
-        pairs = [("sin", "cos"), ("resolversin", "resolvercos"), ("sine", "cosine")]
-        for pair in pairs:
-            if {*pair} <= known.keys():
-                lines.append(f"{{resolver = {json.dumps([known[each] for each in pair])}}}")
+        phases = [[first + each for each in "abc"] for first in ("i", "current")]
+        phases += [["iu", "iv", "iw"], ["i1", "i2", "i3"]]
+        found = [[known[each] for each in names] for names in phases if {*names} <= known.keys()]
+        lines = [f"{{currents = {json.dumps(names)}, pole_pairs = 1}}" for names in found]
+        if {"sin", "cos"} <= known.keys():
+            lines.append(f"{{resolver = {json.dumps([known['sin'], known['cos']])}}}")
         return lines
 
     @property

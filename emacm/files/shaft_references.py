@@ -80,7 +80,7 @@ def is_angle(angle: Any, second: Sequence[str] = ()) -> bool:
 
 def stated_angle_of(
     angle: Mapping[str, Any], values: Sequence[NDArray[Any]], fs: float
-) -> tuple[NDArray[np.float64], tuple[Statement, ...]]:
+) -> tuple[NDArray[np.floating], tuple[Statement, ...]]:
     """Compute the shaft angle from the columns of a form other than that of a measured angle.
 
     Parameters

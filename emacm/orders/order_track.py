@@ -155,7 +155,7 @@ def order_components(
     *,
     revolutions: float = 8,
     overlap: float = 0.75,
-) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+) -> tuple[NDArray[np.floating], NDArray[np.complexfloating]]:
     """Fit orders to each segment of a signal over the shaft angle, by weighted least squares.
 
     Within a segment, the amplitude and phase of each order may change: the model is a constant
