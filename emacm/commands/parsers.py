@@ -236,6 +236,7 @@ def _find(command: Add) -> None:
     add("--healthy", _existing, "FOLDER", "files of this machine without faults")
     add("--out", _writable, "CSV", "table with all scores")
     add("--plot", Path, "DIR", "folder for a picture of each finding")
+    add("--json", bool, None, "table as JSON on standard output")
 
 
 def _train(command: Add) -> None:

@@ -149,9 +149,9 @@ class OrderTrackDisplay(Display):
             axes = list(drawing.panel_axes(ax, len(lines)))
         for panel, (number, (order, rows)) in zip(axes, enumerate(lines.items(), 1), strict=True):
             for part, direction in _parts(rows):
-                style = {"color": drawing.colour_of(number), "linewidth": "1.1"}
+                style = {"color": drawing.colour_of(number)}
                 style["linestyle"] = "-" if direction > 0 else "--"
-                panel.plot(part["phase"], part["amplitude"], **style)
+                panel.plot(part["phase"], part["amplitude"], linewidth=1.1, **style)
             for row in rows.iloc[_apart(rows)].itertuples():
                 panel.plot(row.phase, row.amplitude, ".", color="0.2")
                 near: dict[str, Any] = {"xytext": (4, 2), "textcoords": "offset points"}
