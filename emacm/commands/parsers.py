@@ -273,6 +273,7 @@ def _score(command: Add) -> None:
     _add_files(add)
     table = "table (.csv, .jsonl) or history (.sqlite) to go on; default: CSV, printed"
     add("--out", _writable, "FILE", table)
+    add("--json", bool, None, "lines of JSON, not CSV, on standard output")
     add("--features", bool, None, "store features in the history, for train --like")
     add_jobs(add, "files")
     _add_costs(add)

@@ -180,8 +180,7 @@ class Layout:
             for name, number in pairs.items():
                 text = f"{option} of {name!r}" if name else option
                 if option == "scale" and isinstance(number, str):
-                    with located(text):
-                        sensitivity_of(number)
+                    sensitivity_of(number, text)
                 elif number is not None and not isinstance(number, str):
                     check_number(number, text, above=0, unit="Hz" if option == "fs" else "")
         check_number(self.ratio, "ratio", above=0)

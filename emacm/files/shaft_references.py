@@ -127,12 +127,12 @@ def stated_angle_of(
     return found.angle, (stated,) if share < 1 else ()
 
 
-def sensitivity_of(text: str) -> tuple[float, str, str]:
+def sensitivity_of(text: str, name: str = "scale") -> tuple[float, str, str]:
     """Return the number and both units of a sensitivity.
 
     Raises
     ------
-    ValueError
+    TypeError
         If it has another form.
 
     Examples
@@ -144,8 +144,8 @@ def sensitivity_of(text: str) -> tuple[float, str, str]:
         r"\s*(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)\s*([^\d\s/]+)\s*/\s*(\S.*?)\s*", text
     )
     if found is None or not float(found[1]) > 0:
-        raise ValueError(
-            f"a sensitivity must be a number above 0 and two units, as '100 mV/g', got {text!r}."
+        raise TypeError(
+            f"{name} must be a number, or a sensitivity such as '100 mV/g', got {text!r}."
         )
     unit = found[3]
     return float(found[1]), found[2], unit[1:-1] if unit[0] + unit[-1] == "()" else unit

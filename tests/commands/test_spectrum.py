@@ -83,3 +83,11 @@ def test_speeds_are_given_in_rpm(run_up, capsys):
     table = pd.DataFrame(json.loads(capsys.readouterr().out))
     hum = table[table["order"].between(1.5, 2.5)]
     assert hum.loc[hum["amplitude [peak]"].idxmax(), "order"] == pytest.approx(2)  # 50 Hz of 25
+
+
+def test_inspect_prints_json_for_programs(run_up, capsys):
+    assert main(["inspect", run_up, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [(row["column"], row["as"]) for row in found["rows"]] == [
+        *(("t", "time"), ("vib", "channel"), ("angle", "shaft"))
+    ]

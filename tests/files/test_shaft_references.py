@@ -111,7 +111,7 @@ def test_a_sensitivity_gives_a_channel_the_unit_of_the_sensor(tmp_path):
     assert found.units["vibration"] == "g"
     with pytest.raises(ValueError, match="State the unit"):
         _ = angle_by(tmp_path, scale={"vibration": "100 mV/g"}, velocity="600 rpm").signals
-    with pytest.raises(ValueError, match="sensitivity"):
+    with pytest.raises(TypeError, match="sensitivity"):
         Layout(scale="100 mV")
 
 
