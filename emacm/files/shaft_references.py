@@ -68,14 +68,10 @@ def is_angle(angle: Any, second: Sequence[str] = ()) -> bool:
     number = {"currents": (2, 3), "resolver": (2,)}.get(form, (1,))
     are_names = all(isinstance(name, str) and name for name in (*names, angle.get("file", "f")))
     is_whole = not ({"unit", "wrapped"} & set(angle) and "lead" in angle)
-    needed = {"currents": "pole_pairs", "vibration": "speeds"}.get(form, form)
-    return (
-        set(angle) <= allowed
-        and len(names) in number
-        and are_names
-        and is_whole
-        and (needed in angle)
-    )
+    is_whole &= form != "currents" or "pole_pairs" in angle
+    speeds = angle.get("speeds")
+    is_whole &= form != "vibration" or (isinstance(speeds, list | tuple) and len(speeds) == 2)
+    return set(angle) <= allowed and len(names) in number and are_names and is_whole
 
 
 def stated_angle_of(
@@ -118,8 +114,7 @@ def stated_angle_of(
     if form == "resolver":
         return angle_from_resolver(*values, pole_pairs=angle.get("pole_pairs", 1)), ()
     factor = unit_factor(angle.get("unit", "rev/s"), "velocity")
-    limits = [factor * check_number(v, "a speed of speeds", above=0) for v in angle["speeds"]]
-    low, high = limits if len(limits) == 2 else (np.nan, np.nan)
+    low, high = (factor * check_number(v, "a speed of speeds", above=0) for v in angle["speeds"])
     found = angle_from_vibration(values[0], fs, speeds=(low, high), orders=angle.get("orders"))
     share = found.confidence.fraction
     text = f"shaft angle from the vibration, reliable in {share:.0%} of the time"

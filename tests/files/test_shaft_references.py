@@ -93,6 +93,7 @@ def test_a_position_of_a_second_file_has_a_lead(tmp_path):
         {"currents": ["ia", "ib", "ic"]},
         {"resolver": ["s"]},
         {"vibration": "x"},
+        {"vibration": "x", "speeds": 20},
         {"currents": ["ia", "ib"], "pole_pairs": 3, "file": "b"},
     ],
 )
