@@ -51,6 +51,8 @@ from .orders.band_powers import BandPowers as BandPowers
 from .orders.bin_transformer import BinTransformer as BinTransformer
 from .orders.order_cross_spectrum import OrderCrossSpectrum as OrderCrossSpectrum
 from .orders.order_psd import OrderPSD as OrderPSD
+from .orders.order_track import order_components as order_components
+from .orders.order_track import order_track as order_track
 from .recordings.recording import Recording as Recording
 from .reports.maintenance import maintenance_report as maintenance_report
 from .reports.model_cards import describe_model as describe_model

@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 
 from emacm._saved import written_whole
+from emacm.commands.result_tables import print_json
 from emacm.files.drafts import contents_of, draft_layout
 from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
@@ -40,12 +41,13 @@ def run(options: argparse.Namespace) -> int:
         folder = RecordingFolder(options.healthy, layout, options.pattern)
         healthy = healthy_scores(folder, parts)
     rows: list[dict[str, Any]] = []
+    to = sys.stderr if options.json else sys.stdout
     for path in paths:
         for row in _rows(path, layout, parts, healthy):
             rows.append(row)
             suspected = f" (suspected: {row['suspected']})" if row["suspected"] != "none" else ""
             place = ", ".join(filter(None, (row["recording"], row["channel"])))
-            print(f"{place}: {row['named']}{suspected}\n    {row['explanation']}")
+            print(f"{place}: {row['named']}{suspected}\n    {row['explanation']}", file=to)
             is_found = {row["named"], row["suspected"]} - {"none", "failed", "not assessed"}
             if options.plot is not None and is_found:
                 _draw(row, open_recording(path, layout), parts, options.plot, len(rows))
@@ -53,9 +55,11 @@ def run(options: argparse.Namespace) -> int:
     if options.out is not None:
         with written_whole(options.out) as unfinished:
             table.map(as_cell).to_csv(unfinished, index=False)
-        print(f"Table: {printable(options.out)}")
+        print(f"Table: {printable(options.out)}", file=to)
     if options.plot is not None:
-        print(f"Pictures: {printable(options.plot)}")
+        print(f"Pictures: {printable(options.plot)}", file=to)
+    if options.json:
+        print_json(table)
     is_missing = table["named"].isin(["not assessed", "failed"])
     if (~is_missing & (table["named"] != "none")).any():
         return FOUND

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 import numpy as np
 
 from emacm._checks import located
 from emacm._saved import write_whole, written_whole
+from emacm.commands.result_tables import print_json
 from emacm.files.drafts import FileContents, contents_of, contents_table, draft_layout, files_table
 from emacm.files.folder import recording_files
 from emacm.recordings.names import printable
@@ -24,17 +26,26 @@ def run(options: argparse.Namespace) -> int:
     int
         0; 3 if a file of a folder cannot be read.
     """
-    path, failed = options.file, False
+    path, failed, table = options.file, False, None
     if path.is_dir():
         paths = recording_files([path], None, options.pattern)
         table = files_table(paths)
-        print(table.to_string(index=False), end="\n\n")
+        if not options.json:
+            print(table.to_string(index=False), end="\n\n")
         is_read = table["duration [s]"] != ""
         path, failed = paths[is_read.argmax()], not is_read.all()
-        print(f"{printable(path)}:")
+        if not options.json:
+            print(f"{printable(path)}:")
     with located(printable(path)):
         contents = contents_of(path)
-    _show(contents)
+    if options.json:
+        files = [] if table is None else table.to_dict("records")
+        numbers = contents.columns.numbers
+        others = {"file": printable(path), "numbers": numbers, "to_be_stated": contents.open}
+        columns = contents_table(contents).rename_axis("column").reset_index()
+        print_json(columns, files=files, not_used=contents.unused, **others)
+    else:
+        _show(contents)
     _write(contents, path, options)
     return 3 if failed else 0
 
@@ -55,10 +66,11 @@ def _write(contents: FileContents, path: Path, options: argparse.Namespace) -> N
         if options.draft.exists():
             raise ValueError(f"{str(options.draft)!r} exists. Choose another name for --draft.")
         write_whole(options.draft, draft_layout(contents, path, options.meta).encode())
-        print(f"Draft of the layout: {printable(options.draft)}")
+        to = sys.stderr if options.json else sys.stdout
+        print(f"Draft of the layout: {printable(options.draft)}", file=to)
     if options.plot is not None:
         _plot(contents, options.plot)
-        print(f"Plot: {printable(options.plot)}")
+        print(f"Plot: {printable(options.plot)}", file=sys.stderr if options.json else sys.stdout)
 
 
 def _plot(contents: FileContents, path: Path) -> None:

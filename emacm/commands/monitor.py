@@ -9,7 +9,7 @@ import re
 import sys
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -29,6 +29,7 @@ from emacm.files.csv_files import text_table
 from emacm.files.file_columns import FileColumns
 from emacm.files.folder import open_recording
 from emacm.files.layout import Layout
+from emacm.files.shaft_references import angle_form
 from emacm.history.records import record_of
 from emacm.models.model_files import load_model
 from emacm.models.scoring import scored_rows
@@ -48,12 +49,10 @@ def run(options: argparse.Namespace) -> int:
     int
         0; 3 if rows were invalid and skipped.
     """
-    layout, model = Layout.from_toml(options.layout), load_model(options.model)
-    if layout.tacho is not None or layout.of_second_file() is not None or layout.resample:
-        raise ValueError(
-            "a layout with tacho, resample or a second file needs whole recordings; give a column "
-            "of FILE as velocity or angle."
-        )
+    # Signals that are stored for an alarm have other names than the files of a folder.
+    layout = replace(Layout.from_toml(options.layout), meta=None)
+    model = load_model(options.model)
+    _check_layout(layout)
     if options.source == "-" and options.state is not None:
         raise ValueError("--state needs a file, as the standard input cannot be read again.")
     file = None if options.source == "-" else _GrowingFile(options.source, options.idle)
@@ -62,6 +61,33 @@ def run(options: argparse.Namespace) -> int:
         closing(_Stream(model, layout, options, file)) as stream,
     ):
         return stream.follow()
+
+
+def _check_layout(layout: Layout) -> None:
+    """Refuse a layout whose shaft angle cannot be found row by row."""
+    form, angle = angle_form(layout.angle), layout.angle
+    options = angle if isinstance(angle, Mapping) else {}
+    reasons = {
+        "tacho": layout.tacho is not None,
+        "resample": layout.resample,
+        "a second file": layout.of_second_file() is not None,
+        "an angle from a vibration": form == "vibration",
+        "an angle from currents": form == "currents",
+        "a resolver of several pole pairs": options.get("pole_pairs", 1) > 1 and form == "resolver",
+        "ratio and an angle that is wrapped": layout.ratio != 1 and _is_wrapped(layout),
+    }
+    for reason, needs_all in reasons.items():
+        if needs_all:
+            raise ValueError(
+                f"a layout with {reason} needs whole recordings, as the rows before decide on the "
+                f"angle of a row; give a column of FILE as velocity, angle, or position with lead."
+            )
+
+
+def _is_wrapped(layout: Layout) -> bool:
+    """Tell whether the layout states an angle within one revolution."""
+    angle = layout.angle if isinstance(layout.angle, Mapping) else {}
+    return bool(angle.get("wrapped")) or angle_form(angle) == "resolver"
 
 
 class _GrowingFile:
@@ -288,6 +314,7 @@ class _Stream:
             self._layout = replace(layout, fs=self._fs)
         names = ("max_speed", "every", "unit", "wrapped")
         stated = {name: getattr(options, name) for name in names}
+        stated["wrapped"] |= _is_wrapped(layout)
         stated |= {"fs": rates, "shaft_fs": arguments["shaft_fs"], "channels": list(rates)}
         self._monitor = OrderMonitor(model, **stated)
         has_dates = start_of(content, layout) is not None

@@ -21,7 +21,18 @@ def add_parsers(commands: Any) -> None:
     commands : action of `argparse`
         The subcommands.
     """
-    methods = (_example, _inspect, _find, _train, _score, _monitor, _alarms, _report, _trend)
+    methods = (
+        _example,
+        _inspect,
+        _spectrum,
+        _find,
+        _train,
+        _score,
+        _monitor,
+        _alarms,
+        _report,
+        _trend,
+    )
     for add_options in (*methods, _schema, _describe, _verify):
         add_options(partial(_command, commands))
 
@@ -109,6 +120,26 @@ _probability = _number(float, "a number above 0 and below 1", lambda number: 0 <
 _count = _number(int, "a whole number of at least 1", lambda number: number >= 1)
 
 
+def _speed(usual: str, *, at_rest: bool = False) -> Callable[[str], float]:
+    """Return a function that reads a speed such as "400 rpm" as a number in the usual unit.
+
+    A number without a unit is in the usual one.
+    """
+
+    def read(text: str) -> float:
+        from emacm.recordings.names import unit_factor
+
+        number, _, unit = text.strip().partition(" ")
+        with suppress(ValueError):
+            ratio = unit_factor(unit.strip() or usual, "velocity") / unit_factor(usual, "velocity")
+            if float(number) > 0 or (at_rest and float(number) == 0):
+                return float(number) * ratio
+        expected = f"a number {'of at least' if at_rest else 'above'} 0 [{usual}], or as '400 rpm'"
+        raise argparse.ArgumentTypeError(f"expected {expected}, got {text!r}")
+
+    return read
+
+
 def _share(text: str) -> tuple[int, int]:
     """Return K and N of the text K/N."""
     needed, _, of = text.partition("/")
@@ -147,6 +178,49 @@ def _inspect(command: Add) -> None:
     add("--plot", _writable, "PNG", "draw the columns")
     add("--draft", _writable, "TOML", "write a draft of the layout of such files")
     add("--meta", str, "PATTERN", "parts of file names, as '{unit}_{state}_{run:d}'")
+    add("--json", bool, None, "JSON on standard output")
+
+
+def _spectrum(command: Add) -> None:
+    add = command(
+        "spectrum",
+        "order spectrum of files; or an order map, or orders over speed (Bode plot), of one file",
+        "0; 2 for invalid arguments; 3 if files failed.",
+        _check_spectrum,
+    )
+    _add_files(add, needs_layout=False)
+    add("--channel", str, "C", "channel; default: all, and the first in the picture")
+    add("--map", bool, None, "order spectra over time or speed")
+    orders = "amplitude and phase of these orders, over time or speed"
+    add("--order", _orders, "N,...", orders)
+    over = "x axis of --map and --order (default: rpm)"
+    add("--over", str, None, over, choices=("rpm", "time"), default="rpm")
+    add("--polar", bool, None, "polar plot of --order")
+    add("--hz", bool, None, "frequency in Hz below: a resonance stays at its frequency")
+    _add_parts(add)
+    add("--speed", _speed("rpm"), "RPM", "constant speed [rpm], not that of the files")
+    _add_extent(add)
+    add("--plot", _writable, "PNG", "picture")
+    add("--csv", _writable, "CSV", "table")
+    add("--json", bool, None, "table as JSON on standard output")
+
+
+def _orders(text: str) -> list[float]:
+    """Return the orders of a text such as 1,2,3.5."""
+    with suppress(ValueError):
+        orders = [float(part) for part in text.split(",")]
+        if min(orders) > 0 and len({*orders}) == len(orders):
+            return orders
+    raise argparse.ArgumentTypeError(f"expected orders above 0, as 1,2,3.5, got {text!r}")
+
+
+def _check_spectrum(options: argparse.Namespace) -> None:
+    if options.map and options.order:
+        raise ValueError("give --map or --order, not both.")
+    if options.order and options.hz:
+        raise ValueError("--hz is for a spectrum or a --map; --order is over speed or time.")
+    if options.polar and not options.order:
+        raise ValueError("--polar needs --order.")
 
 
 def _find(command: Add) -> None:
@@ -158,10 +232,11 @@ def _find(command: Add) -> None:
     )
     _add_files(add, needs_layout=False)
     _add_parts(add)
-    add("--speed", _above_zero, "RPM", "constant speed, not that of the files")
+    add("--speed", _speed("rpm"), "RPM", "constant speed [rpm], not that of the files")
     add("--healthy", _existing, "FOLDER", "files of this machine without faults")
     add("--out", _writable, "CSV", "table with all scores")
     add("--plot", Path, "DIR", "folder for a picture of each finding")
+    add("--json", bool, None, "table as JSON on standard output")
 
 
 def _train(command: Add) -> None:
@@ -205,6 +280,7 @@ def _score(command: Add) -> None:
     add("--healthy", _existing, "FOLDER", healthy)
     table = "table (.csv, .jsonl) or history (.sqlite) to go on; default: CSV, printed"
     add("--out", _writable, "FILE", table)
+    add("--json", bool, None, "lines of JSON, not CSV, on standard output")
     add("--features", bool, None, "store features in the history, for train --like")
     add_jobs(add, "files")
     _add_costs(add)
@@ -225,7 +301,8 @@ def _monitor(command: Add) -> None:
     _add_model(add)
     add("source", str, "FILE", "text file that grows; - for the standard input")
     add("--layout", _existing, "L", "layout of the rows (TOML)", required=True)
-    add("--max-speed", _above_zero, "N", "highest speed [rad/s]", required=True)
+    highest = "highest speed, as '4000 rpm'; a plain number is in rad/s"
+    add("--max-speed", _speed("rad/s"), "SPEED", highest, required=True)
     add("--every", _above_zero, "N", "length of a reading; default: all rows")
     units = ("revolutions", "s")
     add("--unit", str, None, "unit of --every", choices=units, default="revolutions")
@@ -250,8 +327,8 @@ def _monitor(command: Add) -> None:
     add("--alarm-after", _share, "K/N", after)
     clear = "clear it after so many readings without a reason (default: 5)"
     add("--clear-after", _count, "M", clear, default=5)
-    slow = "no alarms while the shaft does not exceed this speed [rad/s]"
-    add("--min-speed", float, "N", slow, default=0.0)
+    slow = "no alarms up to this speed of the shaft, as '30 rpm'; a plain number is in rad/s"
+    add("--min-speed", _speed("rad/s", at_rest=True), "SPEED", slow, default=0.0)
     add("--quiet", float, "SECONDS", "and for so long after it does", default=0.0)
 
 
@@ -315,6 +392,7 @@ def _trend(command: Add) -> None:
     add("--plot", _writable, "PNG", "draw the trend of each unit")
     machine = "for zones of RMS vibration: 'group 2 rigid' of ISO 20816-3, 'class I' of 10816-1"
     add("--machine", str, "CLASS", machine)
+    add("--json", bool, None, "table as JSON on standard output")
     add("--fail-on-alarm", bool, None, "exit status 1 if a unit exceeds its limit")
     _add_extent(add)
 
@@ -443,7 +521,8 @@ def _add_extent(add: Add) -> None:
     add("--max-order", _above_zero, "N", orders)
     length = "revolutions per segment; default: half of the shortest recording, at most 16"
     add("--revolutions", _above_zero, "N", length)
-    add("--min-speed", float, "N", "at rest up to this [rad/s]", default=0.0)
+    rest = "at rest up to this speed, as '30 rpm'; a plain number is in rad/s"
+    add("--min-speed", _speed("rad/s", at_rest=True), "SPEED", rest, default=0.0)
 
 
 def _add_report_options(add: Add) -> None:

@@ -29,7 +29,18 @@ def columns_of(model: Any, *, of_streams: bool = False) -> list[str]:
     return [*first, *(n for n in record_of({}) if n not in (*first, *left_out))]
 
 
-def result_table(path: Path | None, model: Any, *, with_features: bool = False) -> Table:
+def print_json(table: pd.DataFrame, **others: Any) -> None:
+    """Print the rows of a table as JSON; with others, an object that has them as "rows".
+
+    What is no finite number is null, dates are in ISO 8601.
+    """
+    rows = json.loads(table.to_json(orient="records", date_format="iso", double_precision=15))
+    print(json.dumps({**others, "rows": rows} if others else rows, ensure_ascii=False))
+
+
+def result_table(
+    path: Path | None, model: Any, *, with_features: bool = False, as_json: bool = False
+) -> Table:
     """Return the table in a file, or on the standard output.
 
     Parameters
@@ -40,6 +51,8 @@ def result_table(path: Path | None, model: Any, *, with_features: bool = False) 
         Fitted classifier.
     with_features : bool
         Whether a history also stores the features of each recording.
+    as_json : bool
+        Whether what is printed are lines of JSON, not CSV.
 
     Raises
     ------
@@ -51,7 +64,7 @@ def result_table(path: Path | None, model: Any, *, with_features: bool = False) 
             "--features needs --out FILE.sqlite, and a pipeline that ends with the classifier."
         )
     if path is None:
-        return PrintedTable(columns_of(model))
+        return PrintedTable(columns_of(model), as_json=as_json)
     if is_history(path):
         return HistoryTable(path, model_digest(model[:-1]) if with_features else None)
     if path.suffix not in (".csv", ".jsonl"):
@@ -77,15 +90,15 @@ class Table:
 
 
 class PrintedTable(Table):
-    """Rows on the standard output, as CSV."""
+    """Rows on the standard output, as CSV or lines of JSON."""
 
-    def __init__(self, columns: Sequence[str]) -> None:
-        self._columns = columns
-        print(lines_of([], columns, heading=True), end="")
+    def __init__(self, columns: Sequence[str], *, as_json: bool = False) -> None:
+        self._columns, self._as_json = columns, as_json
+        print(lines_of([], columns, as_json=as_json, heading=True), end="")
 
     def append(self, row: Row, features: Any) -> Row:
         """Print a row."""
-        print(lines_of([row], self._columns), end="", flush=True)
+        print(lines_of([row], self._columns, as_json=self._as_json), end="", flush=True)
         return row
 
 

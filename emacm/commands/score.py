@@ -73,7 +73,8 @@ class _Work:
         note = model_description(options.model)["note"] or ""
         self._same = {"model": digest, "model_note": note}
         self._reported = time.monotonic()
-        self._table = result_table(options.out, model, with_features=options.features)
+        how = {"with_features": options.features, "as_json": options.json}
+        self._table = result_table(options.out, model, **how)
         self._reports: Any = None
         if options.report is not None:
             from emacm.commands.report import FileReports  # with the displays

@@ -20,6 +20,7 @@ from emacm._saved import written_whole
 from emacm.alarms.health_index import HealthIndex, health_trend
 from emacm.calibration.left_out import groups_needed
 from emacm.commands.find import parts_of_options
+from emacm.commands.result_tables import print_json
 from emacm.commands.train import extent
 from emacm.envelopes.envelope_detector import EnvelopeDetector
 from emacm.files.folder import RecordingFolder, open_recording, recording_files
@@ -47,7 +48,10 @@ def run(options: argparse.Namespace) -> int:
     has_times = judged != "highest"
     with nullcontext(sys.stdout) if options.out is None else written_whole(options.out) as out:
         rows = table if has_times else table.assign(time="")
-        rows.map(as_cell).to_csv(out, index=False)
+        if options.json and options.out is None:
+            print_json(rows)
+        else:
+            rows.map(as_cell).to_csv(out, index=False)
     whole = table[table["error"] == ""]
     latest = whole.sort_values(["unit", "time" if has_times else "index"]).groupby("unit").tail(1)
     if options.plot is not None:
@@ -59,8 +63,11 @@ def run(options: argparse.Namespace) -> int:
         with written_whole(options.plot) as unfinished:
             display.figure_.savefig(unfinished, dpi=150, format=options.plot.suffix[1:] or "png")
     meanings = [*_meanings(latest, n_groups), *remarks]
-    print(*meanings, sep="\n", file=sys.stderr if options.out is None else sys.stdout)
-    if options.out is not None:
+    is_data = options.out is None or options.json
+    print(*meanings, sep="\n", file=sys.stderr if is_data else sys.stdout)
+    if options.out is not None and options.json:
+        print_json(rows)
+    elif options.out is not None:
         for row in latest.rename(columns={"index": "value"}).itertuples():
             state = "ALARM" if row.alarm else "within the limit"
             print(f"{row.unit}: {judged} {row.value:.2f}, limit {row.limit:.2f}, {state}")

@@ -3,6 +3,7 @@
 - `RecordingDisplay`: signals and shaft speed of a recording over time.
 - `OrderSpectrumDisplay`: order spectra by group of recordings; `OrderMapDisplay`: order spectra of
   one recording over time or speed; `OrderBinsDisplay`: order bins by group.
+- `OrderTrackDisplay`: amplitude and phase of orders over speed or time, or as a polar plot.
 - `FeatureDensityDisplay`, `DecisionRegionsDisplay`: classes and decisions in a plane.
 - `OutcomesDisplay`: correct decisions, false alarms, inspections, wrong faults and missed
   detections by signal and condition.
@@ -27,6 +28,7 @@ from emacm.displays.contributions import ContributionsDisplay
 from emacm.displays.domain import DomainDisplay
 from emacm.displays.evaluation import EvaluationDisplay, OutcomesDisplay
 from emacm.displays.monitoring import AlarmDisplay, RemainingLifeDisplay, TrendDisplay
+from emacm.displays.order_tracks import OrderTrackDisplay
 from emacm.displays.planes import DecisionRegionsDisplay, FeatureDensityDisplay
 from emacm.displays.power import OrderBinsDisplay, OrderSpectrumDisplay
 from emacm.displays.recording import OrderMapDisplay, RecordingDisplay
@@ -43,6 +45,7 @@ __all__ = [
     "OrderBinsDisplay",
     "OrderMapDisplay",
     "OrderSpectrumDisplay",
+    "OrderTrackDisplay",
     "OutcomesDisplay",
     "RecordingDisplay",
     "RemainingLifeDisplay",

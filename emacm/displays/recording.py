@@ -16,6 +16,7 @@ from emacm.displays.drawing import Display
 from emacm.displays.drawn_values import OrderDisplay
 from emacm.orders.segment_plan import SegmentPlan
 from emacm.orders.welch import order_psd, samples_per_revolution
+from emacm.recordings.names import unit_factor
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleStroke
 from emacm.resampling.order_resampler import OrderResampler
@@ -162,7 +163,8 @@ class OrderMapDisplay(OrderDisplay):
     speeds : array-like of shape (n_segments,)
         Mean shaft speed in each segment [rad/s], signed.
     over : {"time", "speed"}
-        Quantity of the x axis. Over speed, segments of nearly the same speed are averaged.
+        Quantity of the x axis, in s or rpm. Over speed, segments of nearly the same speed are
+        averaged.
     n_speeds : int
         Number of speed classes, of equal width from the lowest to the highest speed.
     channel, unit : str
@@ -289,6 +291,8 @@ class OrderMapDisplay(OrderDisplay):
         (ax,) = drawing.panel_axes(ax, height=3.8)
         edges, psd = self._over_time() if self.over == "time" else self._over_speed()
         top = self.orders[-1] if self.max_order is None else self.max_order
+        if self.over == "speed":
+            edges = edges / unit_factor("rpm", "velocity")
         # Detrending changes the line at order 0, which is not the order of any fault.
         drawn = (self.orders > 0) & (self.orders <= top)
         half = (self.orders[1] - self.orders[0]) / 2
@@ -299,7 +303,7 @@ class OrderMapDisplay(OrderDisplay):
         style = {"vmin": faintest, "cmap": "magma", "rasterized": True}
         mesh = ax.pcolormesh(edges, heights, power, **style)
         ax.patch.set(facecolor="white", edgecolor=drawing.MISSING, hatch="////")
-        name = "time [s]" if self.over == "time" else "shaft speed [rad/s]"
+        name = "time [s]" if self.over == "time" else "shaft speed [rpm]"
         ax.set(xlabel=name, ylabel=drawing.ORDER_LABEL, ylim=(heights[0], top))
         drawing.mark_orders_beside(ax, self.fault_orders)
         self.colorbar_ = ax.figure.colorbar(mesh, ax=ax, extend="min")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,12 @@ from emacm.files.even_times import EvenTimes, even_times
 from emacm.files.file_columns import FileColumns, is_rate_name, missing_codes, without_signal
 from emacm.files.layout import Layout, constant_speed
 from emacm.files.sample_times import dates_of, seconds_of, unit_that_fits
+from emacm.files.shaft_references import (
+    angle_columns,
+    angle_form,
+    scale_of,
+    stated_angle_of,
+)
 from emacm.recordings.names import (
     is_time_name,
     split_unit,
@@ -60,42 +66,44 @@ def recording_arguments(
     _check_units(content, layout, second)
     times = _time_column(content, layout)
     of_second = layout.of_second_file()
-    shaft = _shaft_column(content, layout) if of_second is None else None
-    channels = _channel_columns(content, layout, times, shaft)
-    used = [*channels.items(), *([(shaft, shaft)] if shaft in content.columns else [])]
+    shafts = _shaft_columns(content, layout) if of_second is None else []
+    channels = _channel_columns(content, layout, times, shafts)
+    used = [*channels.items(), *((name, name) for name in shafts if name in content.columns)]
     signals = {name: _signal(content, c, f"channel {name!r}") for name, c in channels.items()}
     rates = rates_of_columns(content, layout, times, used)
     _check_starts(content, rates)
     fs = {name: _known_rate(rates, column, name).rate for name, column in channels.items()}
     highest = max(fs.values())
-    if shaft in content.columns and len(content.columns[shaft]) in map(len, signals.values()):
-        rates.setdefault(shaft, EvenTimes(highest))
+    for shaft in shafts:
+        if len(content.columns.get(shaft, ())) in map(len, signals.values()):
+            rates.setdefault(shaft, EvenTimes(highest))
     units: dict[str, str] = {}
     for name, column in channels.items():
         scale = layout.scale
         if isinstance(scale, Mapping):
             scale = scale.get(name, scale.get(column))
         unit = layout.unit_of(name, column)
-        if scale is None:
+        if scale is None or isinstance(scale, str):
             unit = _agreed_unit(name, unit, content.units.get(column, ""))
             if unit and content.is_relative:
                 text = f"channel {name!r}: full scale of this WAV file is taken as 1 {unit}, as the"
                 warn("scale", f"{text} file states no other. State scale in the layout.")
-        else:
-            signals[name] = signals[name] * float(scale)
+        if scale is not None:
+            factor, unit = scale_of(scale, unit, name)
+            signals[name] = signals[name] * factor
         if unit:
             units[name] = unit
         if column in rates:
             signals[name] = rates[column].resampled(signals[name], name)
     arguments: dict[str, Any] = {"signals": signals, "fs": fs, "units": units}
     if of_second is None or second is None:
-        arguments |= _shaft(content, layout, shaft, rates, highest)
+        arguments |= _shaft(content, layout, shafts, rates, highest)
     else:
         with located("the second file"):
-            shaft = _shaft_column(second, of_second)
+            shafts = _shaft_columns(second, of_second)
             times_of_second = _time_column(second, of_second)
-            own = rates_of_columns(second, of_second, times_of_second, [(shaft, shaft)])
-            motion = _shaft(second, of_second, shaft, own, highest)
+            own = rates_of_columns(second, of_second, times_of_second, [(c, c) for c in shafts])
+            motion = _shaft(second, of_second, shafts, own, highest)
             delay = _delay((content, layout), (second, of_second))
             longest = max(len(values) / fs[name] for name, values in signals.items())
             arguments |= _aligned(motion, delay, longest)
@@ -203,7 +211,14 @@ def start_of(content: FileColumns, layout: Layout) -> pd.Timestamp | None:
 def _check_units(content: FileColumns, layout: Layout, second: FileColumns | None) -> None:
     """Refuse unit or scale of a name that occurs nowhere: mistyped, it would not be applied."""
     scale = layout.scale if isinstance(layout.scale, Mapping) else {}
-    parts = [layout.fs, layout.time, layout.channels, layout.velocity, layout.angle, layout.tacho]
+    parts: list[Any] = [
+        layout.fs,
+        layout.time,
+        layout.channels,
+        layout.velocity,
+        layout.angle,
+        layout.tacho,
+    ]
     for name in (*layout.units, *scale):
         is_named = re.search(rf"(?<!\w){re.escape(name)}(?!\w)", str(parts))
         may_lack = name in ("velocity", "speed", "angle") or is_time_name(name)
@@ -225,18 +240,18 @@ def _time_column(content: FileColumns, layout: Layout) -> str | None:
     return named[0] if named else None
 
 
-def _shaft_column(content: FileColumns, layout: Layout) -> str | None:
-    """Return the column (or the number) of the shaft; None for a constant speed."""
+def _shaft_columns(content: FileColumns, layout: Layout) -> list[str]:
+    """Return the columns (or the number) of the shaft; none for a constant speed."""
     velocity = layout.velocity
     if isinstance(velocity, str) and (
         content.has(velocity) or not constant_speed(content.chosen(velocity))
     ):
-        return content.find(velocity, numbers=True)
+        return [content.find(velocity, numbers=True)]
     if velocity is not None:
-        return None
-    column = layout.angle or layout.tacho_column
-    if column:
-        return content.find(column)
+        return []
+    columns = [*angle_columns(layout.angle), *filter(None, [layout.tacho_column])]
+    if columns:
+        return [content.find(column) for column in columns]
     similar = content.like_shaft()
     hint = f"; {similar[0]!r} looks like one" if similar else ""
     example = similar[0] if similar else "speed"
@@ -249,15 +264,16 @@ def _shaft_column(content: FileColumns, layout: Layout) -> str | None:
 
 
 def _channel_columns(
-    content: FileColumns, layout: Layout, times: str | None, shaft: str | None
+    content: FileColumns, layout: Layout, times: str | None, shafts: Sequence[str]
 ) -> dict[str, str]:
-    """Return the column of each channel."""
+    """Return the column of each channel; currents and vibrations that show the shaft are some."""
     chosen = layout.channels
     if isinstance(chosen, Mapping):
         return {name: content.find(column) for name, column in chosen.items()}
     if chosen is not None:
         return {split_unit(name.partition("|")[0])[0]: content.find(name) for name in chosen}
-    ignored = {times, shaft}  # nor is another clock a channel
+    are_channels = angle_form(layout.angle) in ("currents", "vibration")
+    ignored = {times} if are_channels else {times, *shafts}  # nor is another clock a channel
     ignored |= {name for name in content.columns if is_time_name(re.split(r"[/.]", name)[-1])}
     rest = [name for name in content.columns if name not in ignored]
     motions = [name for name in content.like_shaft() if name in rest]
@@ -431,17 +447,44 @@ def _agreed_unit(name: str, stated: str, known: str) -> str:
 def _shaft(
     content: FileColumns,
     layout: Layout,
-    column: str | None,
+    columns: Sequence[str],
     rates: Mapping[str, EvenTimes],
     fs: float,
 ) -> dict[str, Any]:
-    """Return the shaft reference in rad or rad/s, and its rate [Hz]; `fs` of a constant speed."""
-    if column is None:
+    """Return the motion of the shaft of interest in rad or rad/s, and its rate [Hz]."""
+    motion = _measured_shaft(content, layout, columns, rates, fs)
+    kind = "angle" if "angle" in motion else "velocity"
+    if layout.ratio != 1:
+        values = motion[kind]
+        if kind == "angle" and is_wrapped(values):
+            values = angle_from_wrapped(values)
+        motion[kind] = values * layout.ratio
+    return motion
+
+
+def _measured_shaft(
+    content: FileColumns,
+    layout: Layout,
+    columns: Sequence[str],
+    rates: Mapping[str, EvenTimes],
+    fs: float,
+) -> dict[str, Any]:
+    """Return the motion of the measured shaft, and its rate [Hz]; `fs` of a constant speed."""
+    if not columns:
         speed, unit = layout.velocity, layout.unit_of("velocity", "speed") or "rad/s"
         if isinstance(speed, str):
             speed, unit = constant_speed(content.chosen(speed)) or (0.0, "")
         return {"velocity": float(speed) * unit_factor(unit, "velocity"), "shaft_fs": fs}
-    kind = "angle" if layout.angle is not None else "velocity"
+    kind, column = "angle" if layout.angle is not None else "velocity", columns[0]
+    form = dict(layout.angle) if isinstance(layout.angle, Mapping) else {}
+    if len(columns) > 1 or {"lead", "vibration"} & form.keys():
+        evens = [_known_rate(rates, name, name) for name in columns]
+        signals = [_signal(content, name, f"the shaft column {name!r}") for name in columns]
+        sampled = [one.resampled(signal) for one, signal in zip(evens, signals, strict=True)]
+        if len({one.rate for one in evens}) > 1:
+            raise ValueError(f"the columns {list(columns)} of the angle have several rates.")
+        angle, content.statements = stated_angle_of(form, sampled, evens[0].rate)
+        return {"angle": angle, "shaft_fs": evens[0].rate}
     values: Any = content.numbers.get(column)
     even = EvenTimes(fs)
     if values is None:
@@ -451,20 +494,27 @@ def _shaft(
     if layout.tacho is not None:
         options = dict(layout.tacho) if isinstance(layout.tacho, Mapping) else {}
         options.pop("column", None)
+        if "pulses" in options:
+            options["pulses_per_rev"] = options.pop("pulses")
         found = stated_angle(even.resampled(values), even.rate, **options)
         content.statements = found.statements
         return {"angle": found.angle, "shaft_fs": even.rate}
     factor = unit_factor(_shaft_unit(content, layout, column, kind), kind)
     values = values if factor == 1 else values * factor
-    if even.uneven is not None and kind == "angle" and is_wrapped(values):
+    if form.get("wrapped") or (even.uneven is not None and kind == "angle" and is_wrapped(values)):
         values = angle_from_wrapped(values)
     return {kind: even.resampled(values), "shaft_fs": even.rate}
 
 
 def _shaft_unit(content: FileColumns, layout: Layout, column: str, kind: str) -> str:
     """Return the unit of the shaft column; rad or rad/s if nothing suggests another."""
-    wanted = layout.velocity if kind == "velocity" else layout.angle
-    stated = layout.unit_of(column, kind) or split_unit(content.chosen(str(wanted)))[1]
+    wanted = layout.velocity if kind == "velocity" else angle_columns(layout.angle)[0]
+    form = layout.angle if isinstance(layout.angle, Mapping) else {}
+    stated = (
+        form.get("unit")
+        or layout.unit_of(column, kind)
+        or split_unit(content.chosen(str(wanted)))[1]
+    )
     unit = _agreed_unit(column, stated.lower(), content.units.get(column, "").lower())
     default = "rad/s" if kind == "velocity" else "rad"
     if not unit and re.search(r"rpm|hz|deg|rev|turn|rps|count|min", column.lower()):

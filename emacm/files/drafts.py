@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -26,6 +27,7 @@ from emacm.recordings.names import (
     time_unit_in_name,
     unit_factor,
     unit_in_name,
+    unit_ratio,
     unit_word,
 )
 
@@ -63,18 +65,44 @@ class FileContents:
 
     @property
     def kind(self) -> str:
-        """What the shaft column is by its name, or its pulses: velocity, angle or tacho."""
+        """What the shaft column is by its name, or its pulses: velocity, angle, tacho, position."""
+        if self.shaft in self.positions:
+            return "position"
         words, angles = (self.shaft or "").lower(), ("angle", "theta", "encoder", "winkel")
         if self.n_pulses or "tach" in words or "keyphasor" in words:
             return "tacho"
         return "angle" if any(word in words for word in angles) else "velocity"
 
     @property
+    def positions(self) -> list[str]:
+        """Columns that are named like the position of a nut, or have a unit of length."""
+        words = ("position", "weg", "hub", "stroke", "extension")
+        units = self.columns.units
+        return [
+            name
+            for name in self.numbers
+            if name.lower() in words
+            or (name.lower().startswith(("pos", "weg")) and unit_ratio(units.get(name, ""), "mm"))
+        ]
+
+    @property
+    def groups(self) -> list[str]:
+        """Angles as TOML that several columns may give: phase currents, or a resolver."""
+        known = {re.sub(r"[^a-z0-9]", "", name.lower()): name for name in self.numbers}
+        phases = [[first + each for each in "abc"] for first in ("i", "current")]
+        phases += [["iu", "iv", "iw"], ["i1", "i2", "i3"]]
+        found = [[known[each] for each in names] for names in phases if {*names} <= known.keys()]
+        lines = [f"{{currents = {json.dumps(names)}, pole_pairs = 1}}" for names in found]
+        if {"sin", "cos"} <= known.keys():
+            lines.append(f"{{resolver = {json.dumps([known['sin'], known['cos']])}}}")
+        return lines
+
+    @property
     def shaft_unit(self) -> str:
         """Unit of the shaft column, from the file or from its name; "" if it is not known."""
         for unit in (self.columns.units.get(self.shaft or "", ""), unit_in_name(self.shaft or "")):
             with suppress(KeyError, ValueError):  # a tachometer, or another unit
-                unit_factor(unit, self.kind)
+                unit_factor(unit, "angle" if self.kind == "position" else self.kind)
                 return unit
         return ""
 
@@ -83,6 +111,8 @@ class FileContents:
         """What must be stated of the shaft; "" if nothing."""
         if self.n_pulses:
             return f"pulses_per_rev of tacho: {self.shaft!r} has {self.n_pulses} pulses"
+        if self.kind == "position":
+            return f"lead of angle: {self.shaft!r} looks like the position of the nut of a screw"
         if self.shaft is None:
             return "velocity, angle or tacho: no column is named like the motion of the shaft"
         return "" if self.kind == "tacho" or self.shaft_unit else f"the unit of {self.shaft!r}"
@@ -164,6 +194,7 @@ def contents_of(path: Path) -> FileContents:
         pulses = {name: count_pulses(v) for name, v in contents.numbers.items() if name != times}
         contents.shaft = next(filter(pulses.get, pulses), None)
         contents.n_pulses = pulses.get(contents.shaft or "", 0)
+        contents.shaft = contents.shaft or next(iter(contents.positions), None)
     for name in (name for name in columns.columns if name not in (*contents.numbers, times)):
         first = first_non_number(columns.columns[name], columns.columns[name])
         contents.unused[name] = f"it does not consist of numbers, got {first}"
@@ -311,12 +342,21 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
             '# velocity = "1797 rpm"  # FILL IN: a constant speed, or a column, or one of a file'
         )
         lines.append('# beside it: velocity = {file = "{stem}_speed.csv", column = "rpm"}')
+        if contents.channels:
+            vibration = f"{{vibration = {_as_toml(contents.channels[0])}, speeds = [20, 30]}}"
+            lines.append(f"# or, without a sensor: angle = {vibration}, the limits in rev/s")
+    elif contents.kind == "position":
+        unit = contents.columns.units.get(contents.shaft, "") or "its unit"
+        column = f"{{column = {_as_toml(contents.shaft)}, lead = 5.0}}"
+        lines.append(f"# angle = {column}  # FILL IN: lead, the travel per revolution [{unit}]")
     elif contents.n_pulses:
         reason = f"{contents.n_pulses} pulses are in this column"
         column = f"{{column = {_as_toml(contents.shaft)}, pulses_per_rev = 1}}"
         lines.append(f"# tacho = {column}  # FILL IN: {reason}")
     else:
         lines.append(f"{contents.kind} = {_as_toml(contents.shaft)}")
+    if contents.shaft is None or contents.kind == "position":
+        lines += [f"# or: angle = {form}" for form in contents.groups]
     fields = "_".join(f"{{field{n}}}" for n in range(1, path.stem.count("_") + 2))
     if meta is None:
         lines.append(
@@ -337,7 +377,7 @@ def _units(contents: FileContents) -> Iterator[str]:
     if shaft is not None and contents.shaft_unit:
         source = "" if stated.get(shaft) == contents.shaft_unit else "  # from its name"
         yield f"{_as_toml(shaft)} = {_as_toml(contents.shaft_unit)}{source}"
-    elif shaft is not None and contents.kind != "tacho":
+    elif shaft is not None and contents.kind not in ("tacho", "position"):
         usual = "rpm" if contents.kind == "velocity" else "rad"
         yield f"# {_as_toml(shaft)} = {_as_toml(usual)}  # FILL IN: its unit"
     for name in contents.channels:

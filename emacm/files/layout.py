@@ -17,6 +17,7 @@ from typing import Any
 import pandas as pd
 
 from emacm._checks import check_number, located
+from emacm.files.shaft_references import angle_columns, is_angle, sensitivity_of
 from emacm.files.tables import read_table
 from emacm.recordings.names import chosen_channels, printable, split_unit
 
@@ -54,7 +55,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 _SECOND = ("file", "column", "fs", "time")  # of the shaft in a second file
 _NAMES = {"file", "column"}
-_TACHO = ("column", "pulses_per_rev", "threshold", "hysteresis", "edge")  # of angle_from_tacho
+_TACHO = ("column", "pulses", "pulses_per_rev", "threshold", "hysteresis", "edge")
 _FIELDS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "": (r"[^/]+", str),
     "d": (r"[+-]?\d+", int),
@@ -92,25 +93,45 @@ class Layout:
         of `meta` may be used; "fs" (or "time") states its rate (or column of times). Both files
         are aligned by their times; where one has none, they must start at the same instant.
     angle : str or mapping, optional
-        Column with the shaft angle, cumulative or wrapped; rad unless another unit is stated. In a
-        second file: as for `velocity`.
+        Column with the shaft angle, cumulative or wrapped; rad unless another unit is stated. Or
+        one of
+
+        - ``{"column": "angle", "unit": "deg", "wrapped": True}``,
+        - ``{"column": "position", "lead": 5.0}``: position of the nut of a screw, and its travel
+          per revolution in the unit of the column; see `emacm.angle_from_position`,
+        - ``{"currents": ["ia", "ib", "ic"], "pole_pairs": 6}``: phase currents of a synchronous
+          motor, see `emacm.angle_from_currents`; they are channels, too,
+        - ``{"resolver": ["sin", "cos"]}``, with "pole_pairs" (default: 1), see
+          `emacm.angle_from_resolver`,
+        - ``{"vibration": "x0", "speeds": [20, 30]}``: no sensor of the shaft; lowest and highest
+          possible speed in the "unit" rev/s (or rpm, ...), and "orders" of lines, see
+          `emacm.angle_from_vibration`; it is a channel, too.
+
+        The first two may be in a second file, as for `velocity`.
     tacho : str or mapping, optional
-        Column of a tachometer (one pulse per revolution), or a mapping with "column",
-        "pulses_per_rev" and the other options of `emacm.angle_from_tacho`; in a second file: with
+        Column of a tachometer (one pulse per revolution), or a mapping with "column", "pulses" (or
+        "pulses_per_rev") and the other options of `emacm.angle_from_tacho`; in a second file: with
         "file", as for `velocity`.
+    ratio : float
+        Revolutions of the shaft of interest per revolution of the measured shaft, such as 2.5 for a
+        gear between both. Angles, speeds and orders of the recording are those of the shaft of
+        interest.
     units : mapping of str to str, or sequence of str, optional
         Units of columns or channels, as ``{"speed": "rpm"}`` or ``["speed [rpm]"]``; of a constant
         speed, ``{"velocity": "rpm"}``.
-    scale : float or mapping of str to float, optional
+    scale : float, str, or mapping of str to float or str, optional
         By what the values of channels are multiplied to be in their unit, or of each channel: 4.0
-        for a WAV file with a full scale of 4 g, ``{"x0": 10.0}`` for V of a sensor of 0.1 V/g.
+        for a WAV file with a full scale of 4 g, ``{"x0": 10.0}`` for V of a sensor of 0.1 V/g. Or
+        the sensitivity of the sensor, "100 mV/g": `units` or the file state the unit of the column
+        then, such as V, and the channel is in g.
     resample : bool
         Whether channels with uneven times (jitter, gaps of up to two samples) are resampled to an
         even rate, by cubic splines; the error is stated. Default: they are refused, but for jitter
         below a tenth of the sampling interval, which is stated.
     meta : str, DataFrame or mapping, optional
         Pattern of the file names, as ``"{unit}_{state}_{run:d}.mat"`` (without a suffix, it is
-        matched against the name without its suffix; ``:d`` makes an integer, ``:g`` a number), or
+        matched against the name without its suffix; ``:d`` makes an integer, ``:g`` a number; in
+        names of new files {state}, or {label}, {class}, {condition}, {fault}, may be missing), or
         a table: a DataFrame whose index or column "file" has the names of the files, or a mapping
         from names to mappings. A text that ends with ".csv" is the path of such a table. Names may
         begin with folders, ``"bench/A_07.csv"``; of several that match, the longest path is taken.
@@ -138,6 +159,7 @@ class Layout:
     velocity: Any = None
     angle: Any = None
     tacho: Any = None
+    ratio: Any = 1.0
     units: Any = None
     scale: Any = None
     resample: bool = False
@@ -156,9 +178,12 @@ class Layout:
             given_numbers = getattr(self, option)
             pairs = given_numbers if isinstance(given_numbers, Mapping) else {"": given_numbers}
             for name, number in pairs.items():
-                if number is not None and not (option == "fs" and isinstance(number, str)):
-                    text = f"{option} of {name!r}" if name else option
+                text = f"{option} of {name!r}" if name else option
+                if option == "scale" and isinstance(number, str):
+                    sensitivity_of(number, text)
+                elif number is not None and not isinstance(number, str):
                     check_number(number, text, above=0, unit="Hz" if option == "fs" else "")
+        check_number(self.ratio, "ratio", above=0)
         if not isinstance(self.channels, Mapping):
             chosen_channels(self.channels, ())
         object.__setattr__(self, "units", _checked_units(self.units))
@@ -203,7 +228,7 @@ class Layout:
 
     def unit_of(self, *names: str) -> str:
         """Return the unit that the layout states for the first of these names, or ""."""
-        texts = (self.time, self.velocity, self.angle, self.tacho_column)
+        texts = (self.time, self.velocity, *angle_columns(self.angle), self.tacho_column)
         stated = [part for text in texts if isinstance(text, str) for part in text.split("|")]
         known = dict(map(split_unit, map(str.strip, stated))) | self.units
         return next((known[name] for name in names if known.get(name)), "")
@@ -226,7 +251,7 @@ class Layout:
         options = dict(getattr(self, self._second))
         del options["file"]
         others: dict[str, Any] = {key: options.pop(key, None) for key in ("fs", "time")}
-        reference = options if self._second == "tacho" else options["column"]
+        reference = options["column"] if self._second == "velocity" else options
         return replace(self, channels=None, meta=None, **(others | {self._second: reference}))
 
     def files_of(self, path: str | os.PathLike[str]) -> list[Path]:
@@ -306,7 +331,11 @@ _FORMS: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "time": ("the name of a column, or False", lambda value: value is False or _is_name(value)),
     "channels": ("names, or map names to names of columns", _are_names),
     "velocity": (f"a number, {_COLUMN}", lambda value: _is_column(value) or _is_number(value)),
-    "angle": (_COLUMN, _is_column),
+    "angle": (
+        "the name of a column, or a mapping with 'column' (and 'unit', 'wrapped' or 'lead'), "
+        "'currents' and 'pole_pairs', 'resolver', or 'vibration' and 'speeds'",
+        lambda value: is_angle(value, _SECOND),
+    ),
     "resample": ("True or False", lambda value: isinstance(value, bool)),
     "tacho": (
         f"the name of a column, or a mapping with 'column' of {list(_TACHO)}",
@@ -383,7 +412,7 @@ def meta_from_name(path: PurePath, pattern: str) -> dict[str, Any]:
     pattern : str
         Such as "{unit}_{state}_{run:d}.mat": fields are texts; ``:d`` makes a field an integer,
         ``:g`` a number. Without a suffix it is matched against the name without its suffix; with
-        "/" also against the folders.
+        "/" also against the folders. A state (label, class, condition, fault) may be missing.
 
     Returns
     -------
@@ -405,6 +434,12 @@ def meta_from_name(path: PurePath, pattern: str) -> dict[str, Any]:
     tried = name.removesuffix(path.suffix) if path.suffix not in pattern[-8:] else name
     longest, shortest = greedy.fullmatch(tried), lazy.fullmatch(tried)
     if longest is None or shortest is None:
+        # A new file has no state in its name, but its unit: "A7_03" of "{unit}_{state}_{run:d}".
+        label = r"\{(?:state|label|class|condition|fault|zustand)\}"
+        rest = re.sub(rf"[-_ ]?{label}(?=\.|$)|{label}[-_ /]?", "", pattern, count=1)
+        if rest != pattern and re.search(r"\{.*\}", rest):
+            with suppress(ValueError):
+                return meta_from_name(path, rest)
         raise ValueError(
             f"the file name {name!r} does not match the pattern {pattern!r} of meta. Rename it."
         )

@@ -102,6 +102,25 @@ def test_a_file_gives_the_decision_and_cost_of_its_recording(here, capsys):
     assert (reading["unit"], reading["recording"]) == ("stream", "stream.csv")
 
 
+def test_a_position_of_a_screw_behind_a_gear_gives_the_readings_of_the_speed(here, capsys):
+    text = LAYOUT.replace('velocity = "speed"', 'angle = {column = "x", lead = 5.0}\nratio = 2.5')
+    (here / "screw.toml").write_text(text.replace('speed = "rpm"', ""))
+    turned = 90.0 / 2.5 * np.arange(N) / 1000
+    rows = [row.split(",")[0] for row in rows_of(True, 20)]
+    positions = [f"{vib},{x:.17g}\n" for vib, x in zip(rows, 5 * turned / 2 / np.pi, strict=True)]
+    (here / "screw.csv").write_text("vib,x\n" + "".join(positions))
+    run("--idle", "0", "--every", "2", "--unit", "s")
+    by_speed = printed(capsys)
+    options = ("--idle", "0", "--every", "2", "--unit", "s", "--layout", "screw.toml")
+    assert run(*options, "--max-speed", "1200 rpm", source="screw.csv") == 0
+    by_position = printed(capsys)
+    costs = [[r["expected_cost"] for r in records] for records in (by_speed, by_position)]
+    np.testing.assert_allclose(*costs, rtol=1e-6)
+    (here / "screw.toml").write_text('angle = {currents = ["a", "b"], pole_pairs = 2}')
+    assert run(*options, source="screw.csv") == 2
+    assert "an angle from currents needs whole recordings" in capsys.readouterr().err
+
+
 def test_the_standard_input_gives_a_reading_for_each_interval(here, capsys, monkeypatch):
     text = io.TextIOWrapper(io.BytesIO((here / "stream.csv").read_bytes()))
     monkeypatch.setattr("sys.stdin", text)

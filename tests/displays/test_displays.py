@@ -28,6 +28,7 @@ from emacm.displays import (
     OrderBinsDisplay,
     OrderMapDisplay,
     OrderSpectrumDisplay,
+    OrderTrackDisplay,
     OutcomesDisplay,
     RecordingDisplay,
     RemainingLifeDisplay,
@@ -56,6 +57,11 @@ ONE_OF_EACH = [
     OrderBinsDisplay(BINS, {"a": [1.0, 2.0]}),
     OrderMapDisplay([0, 1, 2], np.ones((2, 3)), [[0, 1], [1, 2]], [1.0, 2.0]),
     OrderSpectrumDisplay([0, 1, 2], {"a": [1.0, 2.0, 3.0]}),
+    OrderTrackDisplay(
+        pd.DataFrame({"channel": "a", "order": 1, "time": [1.0], "speed": [9.0]}).assign(
+            amplitude=2.0, phase=1.0
+        )
+    ),
     OutcomesDisplay(pd.DataFrame({"correct": [1]}, index=["all"])),
     RecordingDisplay(Recording({"a": [1.0, 2.0]}, 10, velocity=[1.0, 1.0])),
     RemainingLifeDisplay(
@@ -72,7 +78,7 @@ each = pytest.mark.parametrize("display", ONE_OF_EACH, ids=lambda d: type(d).__n
 
 
 def axes_for(display):
-    two = RecordingDisplay | EvaluationDisplay
+    two = RecordingDisplay | EvaluationDisplay | OrderTrackDisplay
     n_panels = 2 if isinstance(display, two) else 1
     return Figure(layout="constrained").subplots(n_panels, squeeze=False)[:, 0]
 

@@ -252,3 +252,17 @@ def test_the_most_specific_name_in_a_table_of_meta_is_taken():
     found = [layout.meta_of(f"{folder}A_1.npz") for folder in ("", "x/", "bench/", "old/bench/")]
     assert [meta["load"] for meta in found] == [1, 1, 2, 3]
     assert layout.meta_of("/data/old/bench/A_1.npz") == {"load": 3}
+
+
+@pytest.mark.parametrize(
+    ("pattern", "name"),
+    [
+        ("{unit}_{state}_{run:d}.csv", "A7_03.csv"),
+        ("{state}/{unit}_{run:d}", "A7_03.csv"),
+        ("{unit}_{run:d}_{state}.csv", "A7_03.csv"),
+    ],
+)
+def test_new_files_have_no_state_in_their_name_but_their_unit(pattern, name):
+    assert Layout(meta=pattern).meta_of(name) == {"unit": "A7", "run": 3}
+    with pytest.raises(ValueError, match="does not match"):
+        Layout(meta=pattern).meta_of("notes.csv")
