@@ -136,7 +136,7 @@ def export_c(
     stated = {"fs": float(fs), "max_speed": float(speed), "every": float(turns)}
     sizes = _sizes(chain, precision, **stated)
     as_text = _Numbers(precision)
-    values = sizes | stated | _places(chain, sizes, fs) | as_text.words
+    values = sizes | stated | _places(chain, precision, float(fs), float(turns)) | as_text.words
     values |= {"version": __version__, "channels": printable(", ".join(order)).replace("/", " ")}
     tables = _tables(chain, [names.index(name) for name in order], sizes, fs)
     tables |= as_text.limits if tables["HAS_TYPICALITY"] else {}
@@ -203,10 +203,12 @@ def _sizes(
     }
 
 
-def _places(chain: ExportedModel, sizes: Mapping[str, Any], fs: float) -> dict[str, Any]:
+def _places(chain: ExportedModel, precision: str, fs: float, every: float) -> dict[str, Any]:
     """Return the numbers that decide on angles and strokes."""
     resampler, step = chain.resampler, chain.resampler.theta_s / 2
     gap = longest_gap(resampler.max_rest, fs)
+    total = every * (1 - 1e-12) * 4 * np.pi * fs / resampler.ratio  # of two velocities each
+    limit = np.dtype(precision).type(total)
     return {
         "margin": DESIGN.margin,
         "first": DESIGN.first,
@@ -215,7 +217,8 @@ def _places(chain: ExportedModel, sizes: Mapping[str, Any], fs: float) -> dict[s
         "mean_of": DESIGN.mean_of,
         "detrend": int(bool(chain.psd.plan_.detrend)),
         "points": resampler.ratio / (2 * fs * step),
-        "revolutions": resampler.ratio / (4 * np.pi * fs),
+        "limit": float(limit),
+        "limit_rest": total - float(limit),
         "min_speed": float(resampler.min_speed),
         "max_gap": min(gap, 1e30),
         "max_reversal": DESIGN.least_reversal / step,

@@ -14,7 +14,7 @@ enum { MARGIN = ${margin}, FIRST = ${first}, HALF = ${half}, STEP = ${step}, REA
 static const int N_RADICES = ${n_radices}, DETREND = ${detrend}, DELAY = ${delay};
 static const uint32_t MEAN_OF = ${mean_of};
 static const real POINTS = ${points}; /* of the fine grid, for the sum of two velocities */
-static const real REVOLUTIONS = ${revolutions};
+static const real LIMIT = ${limit}, LIMIT_REST = ${limit_rest}; /* of the sums of a reading */
 static const real MIN_SPEED = ${min_speed}, MAX_GAP = ${max_gap}, MAX_REVERSAL = ${max_reversal};
 static const real LAG = ${lag}, TAIL_RANGE = ${tail_range}, ROUNDING = ${rounding}, TIED = ${tied};
 static const int TURNS[2] = {${turns}}; /* whether forward and reverse strokes are resampled */
@@ -178,22 +178,25 @@ static void add_to_grid(emacm_density *b, real at, const real *weighted)
     }
 }
 
-/* Make room: forget samples too far from the end, and merge the nearest neighbours. */
+/* Make room: forget samples too far from the end, and divide those between near neighbours among
+   them, so that sums and first moments remain. */
 static void thin_tail(emacm_density *b)
 {
-    real apart = TAIL_RANGE / EMACM_TAIL, a, c;
+    real apart = TAIL_RANGE / EMACM_TAIL, span, share;
     uint32_t i, n;
     int row, round;
     for (round = 0; round == 0 || b->n_tail > EMACM_TAIL / 4 * 3; round++, apart *= 2) {
         for (i = n = 0; i < b->n_tail; i++) {
             if (b->tail_at[i] <= b->reached - TAIL_RANGE)
                 continue;
-            if (round && n && MATH(fabs)(b->tail_at[i] - b->tail_at[n - 1]) <= apart) {
-                a = MATH(fabs)(b->tail[n - 1][EMACM_CHANNELS]);
-                c = MATH(fabs)(b->tail[i][EMACM_CHANNELS]);
-                b->tail_at[n - 1] += (b->tail_at[i] - b->tail_at[n - 1]) * (a + c > 0 ? c / (a + c) : 0);
-                for (row = 0; row < EMACM_ROWS; row++)
-                    b->tail[n - 1][row] += b->tail[i][row];
+            span = round && n && i + 1 < b->n_tail ? b->tail_at[i + 1] - b->tail_at[n - 1] : apart;
+            if (MATH(fabs)(span) < apart) {
+                share = span > 0 ? (b->tail_at[i] - b->tail_at[n - 1]) / span : 1;
+                share = MATH(fmin)(MATH(fmax)(share, 0), 1);
+                for (row = 0; row < EMACM_ROWS; row++) {
+                    b->tail[n - 1][row] += (1 - share) * b->tail[i][row];
+                    b->tail[i + 1][row] += share * b->tail[i][row];
+                }
                 continue;
             }
             b->tail_at[n] = b->tail_at[i];
@@ -611,11 +614,11 @@ int emacm_push(emacm_state *s, const emacm_real *samples, emacm_real velocity)
     memcpy(SAMPLES(s, q), samples, sizeof s->held[0]);
     VELOCITY(s, q) = velocity;
     if (s->has_before && MATH(fabs)(velocity) > MIN_SPEED)
-        accumulate(&s->turned, &s->turned_lost, MATH(fabs)(velocity + s->before) * REVOLUTIONS);
+        accumulate(&s->turned, &s->turned_lost, MATH(fabs)(velocity + s->before));
     s->before = velocity;
     s->has_before = 1;
     s->n_pushed++;
-    if (EMACM_EVERY > 0 && s->turned >= (real)(EMACM_EVERY * (1 - 1e-12)))
+    if (EMACM_EVERY > 0 && s->turned - LIMIT - s->turned_lost >= LIMIT_REST)
         return complete(s);
     for (; s->n_pushed - s->n_taken > (uint32_t)DELAY; s->n_taken++)
         take(s, s->n_taken);
