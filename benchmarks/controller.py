@@ -125,9 +125,9 @@ def simulated_model(n_recordings: int = 60) -> Pipeline:
     return model.fit(X, y, costsensitivegaussianbayes__groups=units)
 
 
-def cranfield(folder: Path) -> tuple[list[Recording], np.ndarray, np.ndarray]:
+def cranfield(file: Path) -> tuple[list[Recording], np.ndarray, np.ndarray]:
     """Return recordings, families of states and runs of the actuator of Cranfield University."""
-    data = dict(np.load(folder / "cranfield_ema" / "cranfield_ema_trap_dev_runs1-7.npz"))
+    data = dict(np.load(file))
     fs, X = float(data["fs"]), []
     for row in range(len(data["state"])):
         position = (data["set_point"][row] - data["position_error"][row]).astype(float)
@@ -186,4 +186,43 @@ def compared(
         "of a probability": float(probability),
         "RAM [bytes]": exported.ram,
         "float": single,
+    }
+
+
+def noise_model(n_channels: int, per_revolution: int, fs: float) -> tuple[Pipeline, np.ndarray]:
+    """Return a model of two states of noise, and rows of 4 s at 48 rev/s with ripple."""
+    t = np.arange(int(4 * fs)) / fs
+    velocity = 2 * np.pi * 48 * (1 + 0.15 * np.sin(2 * np.pi * t))
+    names = [f"channel {k}" for k in range(n_channels)]
+    X, rng = [], np.random.default_rng(0)
+    for k in range(12):
+        rows = (1 + k % 2) * rng.normal(size=(n_channels, len(t) // 4))
+        X.append(Recording(dict(zip(names, rows, strict=True)), fs, velocity=velocity[: len(t) // 4]))
+    steps = OrderResampler(2 * np.pi / per_revolution), OrderPSD(16)
+    bins = BinTransformer(max_order=0.39 * per_revolution)
+    diagonal = CostSensitiveGaussianBayes(covariance="diag")
+    model = make_pipeline(*steps, bins, FunctionTransformer(np.log10), diagonal)
+    model.fit(X, ["new", "worn"] * 6)
+    return model, np.column_stack([*rng.normal(size=(n_channels, len(t))), velocity])
+
+
+def size_and_speed(n_channels: int, per_revolution: int, precision: str, fs: float) -> dict:
+    """Return memory, operations, and how much faster than real time one core is."""
+    model, rows = noise_model(n_channels, per_revolution, fs)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        exported = export_c(model, folder, fs=fs, max_speed=360, every=64, precision=precision)
+        spent = float(Program(folder, precision).output([rows], "time"))
+    return {
+        "channels": n_channels,
+        "per revolution": per_revolution,
+        "precision": precision,
+        "RAM [KB]": exported.ram / 1024,
+        "tables [KB]": exported.constants / 1024,
+        "operations per sample": exported.operations,
+        "longest call": exported.longest,
+        "times real time": len(rows) / fs / spent,
+        # One operation each cycle of 10 ns, counted and not measured there.
+        "load of 100 MHz [%]": 100 * exported.operations * fs / 1e8,
+        "longest call at 100 MHz [ms]": 1e3 * exported.longest / 1e8,
     }
