@@ -194,10 +194,10 @@ def noise_model(n_channels: int, per_revolution: int, fs: float) -> tuple[Pipeli
     t = np.arange(int(4 * fs)) / fs
     velocity = 2 * np.pi * 48 * (1 + 0.15 * np.sin(2 * np.pi * t))
     names = [f"channel {k}" for k in range(n_channels)]
-    X, rng = [], np.random.default_rng(0)
+    X, rng, short = [], np.random.default_rng(0), velocity[: len(t) // 4]
     for k in range(12):
-        rows = (1 + k % 2) * rng.normal(size=(n_channels, len(t) // 4))
-        X.append(Recording(dict(zip(names, rows, strict=True)), fs, velocity=velocity[: len(t) // 4]))
+        rows = (1 + k % 2) * rng.normal(size=(n_channels, len(short)))
+        X.append(Recording(dict(zip(names, rows, strict=True)), fs, velocity=short))
     steps = OrderResampler(2 * np.pi / per_revolution), OrderPSD(16)
     bins = BinTransformer(max_order=0.39 * per_revolution)
     diagonal = CostSensitiveGaussianBayes(covariance="diag")

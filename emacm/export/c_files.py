@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
-from math import ceil, log2, prod
+from math import ceil, log2
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -150,12 +150,13 @@ def export_c(
     values |= counted | {"ram_stack": 1024 + 64 * sizes["n_classes"]}
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    names = ["emacm_model.h", "emacm_model.c", "check.c", "README.md"]
-    for name in names:
-        template = Template(files("emacm.export").joinpath(f"templates/{name}").read_text())
-        texts = {key: as_text(value) for key, value in values.items()}
+    texts = {key: as_text(value) for key, value in values.items()}
+    written = []
+    for name in ("emacm_model.h", "emacm_model.c", "check.c", "README.md"):
+        template = Template(files("emacm.export").joinpath(f"templates/{name}").read_text("utf-8"))
         write_whole(folder / name, template.substitute(texts).encode())
-    return ExportedC([folder / name for name in names], **counted)
+        written.append(folder / name)
+    return ExportedC(written, **counted)
 
 
 def _sizes(
@@ -263,12 +264,7 @@ def _tables(
     }
     for k, stage in enumerate(chain.stages):
         if stage[1:]:
-            matrix, constant = stage
-            is_scale = matrix.shape[0] == matrix.shape[1] and not np.any(
-                matrix - np.diag(np.diagonal(matrix))
-            )
-            tables[f"MATRIX_{k}"] = np.diagonal(matrix) if is_scale else matrix.T
-            tables[f"CONSTANT_{k}"] = constant
+            tables[f"MATRIX_{k}"], tables[f"CONSTANT_{k}"] = stage
     return tables
 
 
@@ -284,23 +280,17 @@ def _places_of(size: int, factors: Sequence[int]) -> Any:
 def _stages(chain: ExportedModel) -> Iterable[str]:
     """Yield the lines of the program between the bins and the classifier."""
     for k, stage in enumerate(chain.stages):
+        loop, size = "    for (i = 0; i < n; i++)", len(stage[-1])
         if not stage[1:]:
-            yield f"    for (i = 0; i < n; i++) z[i] = z[i] > 0 ? MATH({stage[0]})(z[i]) : NAN;"
-            yield "    for (i = 0; i < n; i++) if (isnan(z[i])) s->flags |= EMACM_NO_POWER;"
-            yield "    if (s->flags & EMACM_NO_POWER) return -1;"
-            continue
-        matrix, constant = stage
-        square = matrix.shape[0] == matrix.shape[1]
-        if square and not np.any(matrix - np.diag(np.diagonal(matrix))):
-            yield f"    for (i = 0; i < n; i++) z[i] = z[i] * MATRIX_{k}[i] + CONSTANT_{k}[i];"
-            continue
-        yield f"    for (k = 0; k < {len(constant)}; k++) {{"
-        yield f"        value = CONSTANT_{k}[k];"
-        yield f"        for (i = 0; i < n; i++) value += z[i] * MATRIX_{k}[k][i];"
-        yield "        z[n + k] = value;"
-        yield "    }"
-        yield f"    memmove(z, z + n, {len(constant)} * sizeof z[0]);"
-        yield f"    n = {len(constant)};"
+            yield f"{loop} {{\n        if (!(z[i] > 0))\n            s->flags |= EMACM_NO_POWER;"
+            yield f"        z[i] = MATH({stage[0]})(z[i]);\n    }}"
+            yield "    if (s->flags & EMACM_NO_POWER)\n        return -1;"
+        elif stage[0].ndim == 1:
+            yield f"{loop}\n        z[i] = z[i] * MATRIX_{k}[i] + CONSTANT_{k}[i];"
+        else:
+            yield f"    for (k = 0; k < {size}; k++) {{\n        z[n + k] = CONSTANT_{k}[k];"
+            yield f"    {loop}\n            z[n + k] += z[i] * MATRIX_{k}[k][i];\n    }}"
+            yield f"    memmove(z, z + n, {size} * sizeof *z);\n    n = {size};"
 
 
 def _counted(
@@ -393,10 +383,7 @@ class _Numbers:
 
 
 def _labels(labels: Any) -> str:
-    """Return labels as strings of C."""
-
-    def quoted(text: str) -> str:
-        plain = [chr(b) if 32 <= b < 127 and b not in b'"\\?' else f"\\{b:03o}" for b in text]
-        return '"' + "".join(plain) + '"'
-
-    return ", ".join(quoted(str(label).encode()) for label in np.asarray(labels).tolist())
+    """Return labels as strings of C, in UTF-8."""
+    texts = [str(label).encode() for label in np.asarray(labels).tolist()]
+    safe = {b: chr(b) for b in range(32, 127) if chr(b) not in '"\\?'}
+    return ", ".join(f'"{"".join(safe.get(b, f"{chr(92)}{b:03o}") for b in t)}"' for t in texts)

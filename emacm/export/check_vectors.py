@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from emacm.export.exported_model import ExportedModel
 from emacm.streams.order_monitor import OrderMonitor
-from emacm.streams.streamed_models import Reading, StreamedModel
+from emacm.streams.streamed_models import Reading
 
 # Speed at 17 times of equal distance, in 4096ths of the highest: forward, at rest, and in reverse.
 _KNOTS = np.array(
@@ -44,7 +45,7 @@ def check_tables(
     monitor = OrderMonitor(
         model, fs=fs, channels=channels, max_speed=max_speed, every=every if every else None
     )
-    known = StreamedModel(model)
+    known = ExportedModel(model)
     ranges, ratio = known.resampler.training_range_.ranges, known.resampler.ratio
     rng, dtype = np.random.default_rng(12), np.dtype(precision).type
     levels, speeds, sizes, readings = [], [], [], []
@@ -61,7 +62,8 @@ def check_tables(
         sizes.append(size)
         noise = _noise(number + 1, size * len(channels)).reshape(size, -1)
         signals, velocity = (noise.astype(dtype) * levels[-1]).T, _profile(size) * speeds[-1]
-        readings.append([*monitor.push(signals, velocity=velocity), *monitor.flush(complete=True)][0])
+        found = monitor.push(signals, velocity=velocity)
+        readings.append([*found, *monitor.flush(complete=True)][0])
     decisions = known.classifier.decisions_.tolist()
     n_features = known.classifier.n_features_in_
     return {
@@ -83,11 +85,10 @@ def _place(decisions: list[Any], reading: Reading) -> int:
 
 def _noise(seed: int, size: int) -> NDArray[np.int32]:
     """Return whole numbers of 24 bits, of the generator of Numerical Recipes."""
-    with np.errstate(over="ignore"):
-        powers = np.full(size, 1664525, np.uint32).cumprod(dtype=np.uint32)
-        sums = np.append(np.uint32(1), powers[:-1]).cumsum(dtype=np.uint32)
-        state = powers * np.uint32(seed) + np.uint32(1013904223) * sums
-    return (state >> np.uint32(8)).astype(np.int32) - 2**23
+    powers = np.full(size, 1664525, np.uint32).cumprod(dtype=np.uint32)
+    sums = np.append(np.uint32(1), powers[:-1]).cumsum(dtype=np.uint32)
+    state: Any = powers * np.uint32(seed) + np.uint32(1013904223) * sums
+    return (state >> 8).astype(np.int32) - 2**23
 
 
 def _profile(size: int) -> NDArray[np.int32]:

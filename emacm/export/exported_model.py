@@ -38,6 +38,8 @@ class ExportedModel(StreamedModel):
         If a step or an option cannot be exported; the message names it.
     """
 
+    classifier: Any
+
     def __init__(self, model: Any) -> None:
         super().__init__(model)
         final = type(self.classifier).__name__
@@ -74,7 +76,10 @@ class ExportedModel(StreamedModel):
         return len(self.resampler.channels_) * (1 + self.psd.plan_.by_direction)
 
     def _stages(self) -> Iterator[tuple[Any, ...]]:
-        """Yield what is applied to the bins: ("log10",), or (matrix, constant) of an affine map."""
+        """Yield what is applied to the bins: ("log10",), or (matrix, constant) of an affine map.
+
+        Of a scaling, the matrix is its diagonal.
+        """
         width = len(self.bins) * self.n_blocks
         for step in self.transformers:
             if step is self.transformers[0] and isinstance(step, BinTransformer):
@@ -208,4 +213,5 @@ def _affine(step: Any, width: int) -> tuple[Array, Array]:
             f"FunctionTransformer of a logarithm, and affine maps (scaling, PCA, a choice of "
             f"columns) can. Apply the model on a computer by OrderMonitor, or change the step."
         )
-    return matrix, constant
+    is_scaling = len(matrix) == len(constant) and not np.any(matrix - np.diag(matrix.diagonal()))
+    return matrix.diagonal() if is_scaling else matrix.T, constant
