@@ -315,11 +315,12 @@ def _counted(
     constants = sum(size * np.size(value) for value in tables.values() if np.ndim(value))
     points = 2 * chain.resampler.ratio * stated["max_speed"] / stated["fs"]
     outputs = points / (2 * chain.resampler.theta_s)  # of each sample
-    each, output = 30 + 10 * rows, rows * 3 * DESIGN.half
-    lines = 8 * sum(chain.radices) if max(chain.radices) > 2 else 5 * len(chain.radices)
-    segment = rows * (n["length"] * (4 + lines / 2) + n["n_lines"] * 12)
-    dense = sum(range(1, n["n_densities"] + 1))
-    average = dense * each + n["n_densities"] * outputs * (output + segment / n["step"])
+    each, output = 30 + 13 * rows, rows * 3 * DESIGN.half
+    stages = sum(8 if radix == 2 else 6 + 8 * radix for radix in chain.radices)
+    segment = rows * (n["length"] * (3 + stages / 2) + n["n_lines"] * 24)
+    made = (2 * DESIGN.upsampling_half + 1) * (2 * channels + 1)  # a sample between two others
+    dense = sum(factor * (each + made * (factor > 1)) for factor in range(1, n["n_densities"] + 1))
+    average = dense + n["n_densities"] * outputs * (output + segment / n["step"])
     longest = average + n["n_densities"] * segment
     return {
         "ram": int(ram),

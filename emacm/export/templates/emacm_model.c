@@ -431,8 +431,8 @@ static real student_above(real limit)
 /* Fraction of left-out training recordings that are at least as far from all classes. */
 static real typicality_of(const real *x, real *scaled)
 {
-    real logs[3], total[EMACM_CLASSES], inside[EMACM_CLASSES], far = LARGEST, value, large, sum;
-    int i, k, nearest = 0, low = 0, high = N_VALUES;
+    real logs[3], inside[EMACM_CLASSES], far = LARGEST, value, large, sum;
+    int i, k, nearest = 0;
     for (k = 0; k < EMACM_CLASSES; k++) {
         inside[k] = 0;
         if (N_DIRECTIONS)
@@ -452,33 +452,23 @@ static real typicality_of(const real *x, real *scaled)
         sum -= squared_length(scaled, 0, DIRECTIONS, N_DIRECTIONS);
     logs[1] = MATH(log)(MATH(fmax)(MATH(fmin)(sum, LARGEST), 0) + (real)1e-3);
     logs[2] = MATH(log)(MATH(fmin)(large, LARGEST) + (real)1e-3);
-    for (k = 0; k < EMACM_CLASSES; k++) {
+    for (k = 0; k < EMACM_CLASSES; k++) { /* logarithm of a sum of exponentials */
         logs[0] = MATH(log)(inside[k] + (real)1e-3);
-        for (i = 0, value = -LARGEST; i < 3; i++)
+        for (i = 0, large = -LARGEST; i < 3; i++)
             if (USED[i])
-                value = MATH(fmax)(value, logs[i] * SLOPES[i] - LEVELS[i][k]);
-        far = MATH(fmin)(far, value);
-    }
-    for (k = 0, sum = LARGEST; k < EMACM_CLASSES; k++) {
-        logs[0] = MATH(log)(inside[k] + (real)1e-3);
-        for (i = 0, total[k] = 0; i < 3; i++)
+                large = MATH(fmax)(large, logs[i] * SLOPES[i] - LEVELS[i][k]);
+        for (i = 0, sum = 0; i < 3; i++)
             if (USED[i])
-                total[k] += MATH(exp)(logs[i] * SLOPES[i] - LEVELS[i][k] - far);
-        sum = MATH(fmin)(sum, total[k]);
+                sum += MATH(exp)(logs[i] * SLOPES[i] - LEVELS[i][k] - large);
+        far = MATH(fmin)(far, large + MATH(log)(sum));
     }
-    far += MATH(log)(sum);
     if (far > THRESHOLD) {
         value = student_above(TAIL_AT + TAIL_MEAN * (far - THRESHOLD)) / TAIL_SHARE;
         return MATH(fmax)(TAIL_PEAKS * MATH(fmin)(value, 1), SMALLEST);
     }
-    while (low < high) { /* the number of values below */
-        i = (low + high) / 2;
-        if (VALUES[i] < far)
-            low = i + 1;
-        else
-            high = i;
-    }
-    return SURVIVAL[low];
+    for (i = 0; i < N_VALUES && VALUES[i] < far; i++)
+        ;
+    return SURVIVAL[i];
 }
 
 /* Bayes factor for the unknown state. */
