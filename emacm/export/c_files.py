@@ -221,7 +221,7 @@ def _places(chain: ExportedModel, precision: str, fs: float, every: float) -> di
         "limit": float(limit),
         "limit_rest": total - float(limit),
         "min_speed": float(resampler.min_speed),
-        "max_gap": min(gap, 1e30),
+        "max_gap": f"{int(min(gap, 2**32 - 1))}u",
         "max_reversal": DESIGN.least_reversal / step,
         "turns": ", ".join(str(int(sign in DIRECTIONS[resampler.direction])) for sign in (1, -1)),
     }

@@ -12,10 +12,10 @@ typedef emacm_real real;
 
 enum { MARGIN = ${margin}, FIRST = ${first}, HALF = ${half}, STEP = ${step}, REACH = ${reach} };
 static const int N_RADICES = ${n_radices}, DETREND = ${detrend}, DELAY = ${delay};
-static const uint32_t MEAN_OF = ${mean_of};
+static const uint32_t MEAN_OF = ${mean_of}, MAX_GAP = ${max_gap};
 static const real POINTS = ${points}; /* of the fine grid, for the sum of two velocities */
 static const real LIMIT = ${limit}, LIMIT_REST = ${limit_rest}; /* of the sums of a reading */
-static const real MIN_SPEED = ${min_speed}, MAX_GAP = ${max_gap}, MAX_REVERSAL = ${max_reversal};
+static const real MIN_SPEED = ${min_speed}, MAX_REVERSAL = ${max_reversal};
 static const real LAG = ${lag}, TAIL_RANGE = ${tail_range}, ROUNDING = ${rounding}, TIED = ${tied};
 static const int TURNS[2] = {${turns}}; /* whether forward and reverse strokes are resampled */
 ${tables}
@@ -366,7 +366,7 @@ static void take(emacm_state *s, uint32_t q)
     emacm_stroke *t = &s->stroke;
     real v = VELOCITY(s, q);
     int turns = MATH(fabs)(v) > MIN_SPEED, direction = v > 0 ? 1 : -1;
-    if (s->direction && ((turns && direction != s->direction) || (real)(q - t->last) > MAX_GAP))
+    if (s->direction && ((turns && direction != s->direction) || q - t->last > MAX_GAP))
         end_stroke(s);
     if (!s->direction) {
         if (turns)
