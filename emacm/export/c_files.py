@@ -150,8 +150,8 @@ def export_c(
     values |= counted | {"ram_stack": 1024 + 64 * sizes["n_classes"]}
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    texts = {key: as_text(value) for key, value in values.items()}
-    written = []
+    texts, written = {key: as_text(value) for key, value in values.items()}, []
+    texts |= {f"plain_{key}": f"{value:.6g}" for key, value in stated.items()}
     for name in ("emacm_model.h", "emacm_model.c", "check.c", "README.md"):
         template = Template(files("emacm.export").joinpath(f"templates/{name}").read_text("utf-8"))
         write_whole(folder / name, template.substitute(texts).encode())
