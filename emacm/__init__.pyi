@@ -26,6 +26,7 @@ from .evaluation.novelty import evaluate_unknown as evaluate_unknown
 from .explanations.explain import explain_decision as explain_decision
 from .explanations.explain import explain_model as explain_model
 from .explanations.explain import match_fault_orders as match_fault_orders
+from .export.c_files import export_c as export_c
 from .files.folder import RecordingFolder as RecordingFolder
 from .files.folder import open_recording as open_recording
 from .files.layout import Layout as Layout
@@ -126,6 +127,7 @@ __all__ = [
     "expected_cost",
     "explain_decision",
     "explain_model",
+    "export_c",
     "family_costs",
     "fault_orders",
     "find_faults",

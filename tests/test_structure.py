@@ -45,6 +45,7 @@ ORDER = [
     "displays",
     "reports",
     "verification",
+    "export",
     "demo",
     "commands",
     "__main__",

@@ -173,7 +173,7 @@ class StudentTail:
         found = (self.weight_from[np.searchsorted(self.values, values, "left")] + 1) / total
         beyond = values > self.peaks.threshold
         degrees = self.peaks.n_peaks + self.n_expected
-        at, mean = _upper_share(degrees, self.share)
+        at, mean = upper_share(degrees, self.share)
         excess = (values[beyond] - self.peaks.threshold) / self.peaks.mean_excess
         # At most 1, but for rounding.
         tail = np.minimum(stdtr(degrees, -(at + mean * excess)) / self.share, 1.0)
@@ -258,7 +258,7 @@ def peaks_over_threshold(values: Array, weight: Array, expected: float, n_expect
     return Peaks(threshold, max(n_peaks, 1.0), max(mean, 1e-3))  # equal values have no tail
 
 
-def _upper_share(degrees: float, share: float) -> tuple[float, float]:
+def upper_share(degrees: float, share: float) -> tuple[float, float]:
     """Return the quantile of Student's t above which a share lies, and the mean excess over it."""
     at = -float(stdtrit(degrees, share))
     log_density = gammaln((degrees + 1) / 2) - gammaln(degrees / 2) - np.log(degrees * np.pi) / 2

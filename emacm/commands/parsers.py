@@ -21,19 +21,9 @@ def add_parsers(commands: Any) -> None:
     commands : action of `argparse`
         The subcommands.
     """
-    methods = (
-        _example,
-        _inspect,
-        _spectrum,
-        _find,
-        _train,
-        _score,
-        _monitor,
-        _alarms,
-        _report,
-        _trend,
-    )
-    for add_options in (*methods, _schema, _describe, _verify):
+    of_files = (_example, _inspect, _spectrum, _find, _train, _score, _monitor)
+    others = (_alarms, _report, _trend, _export, _schema, _describe, _verify)
+    for add_options in (*of_files, *others):
         add_options(partial(_command, commands))
 
 
@@ -395,6 +385,22 @@ def _trend(command: Add) -> None:
     add("--json", bool, None, "table as JSON on standard output")
     add("--fail-on-alarm", bool, None, "exit status 1 if a unit exceeds its limit")
     _add_extent(add)
+
+
+def _export(command: Add) -> None:
+    add = command("export", "write a model as C99 sources for the controller of a machine")
+    _add_model(add)
+    folder = "folder of the sources, of a check against Python, and of their README"
+    add("--c", Path, "FOLDER", folder, required=True)
+    rate = "sampling rate of the channels and the velocity [Hz]"
+    add("--fs", _above_zero, "N", rate, required=True)
+    add("--channels", str, "A,B,...", "order of the channels of a sample")
+    fastest = "highest speed of the shaft [rad/s]; default: 1.1 times that of the training"
+    add("--max-speed", _above_zero, "N", fastest)
+    every = "revolutions of a reading; default: those of the shortest recording of the training"
+    add("--every", float, "N", every)
+    kinds = ("float32", "float64")
+    add("--precision", str, None, "float or double", choices=kinds, default="float32")
 
 
 def _describe(command: Add) -> None:

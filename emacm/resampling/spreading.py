@@ -371,7 +371,7 @@ class FineGrid(Resumable):
         outputs = np.empty((len(self.means), n_angles - self._done))
         if outputs.shape[1]:
             self._use(DESIGN.first + 2 * (outputs.shape[1] - 1) + 1 + 2 * DESIGN.half)
-            filtered = (DESIGN.first, _decimating_filter()), self.means, (outputs, 0)
+            filtered = (DESIGN.first, decimating_filter()), self.means, (outputs, 0)
             self.loops.decimate(self._grid, self._used, *filtered, outputs.shape[1])
         return outputs
 
@@ -417,8 +417,8 @@ class FineGrid(Resumable):
 
     def _run(self, block: Block, place: Any, parts: Any, made: Any) -> None:
         """Run the inner loop: scale and offset of angles; parts; outputs and those filled."""
-        rows, lowpass = (block.values, self.means, self._grid), (DESIGN.first, _decimating_filter())
-        self.loops.resample(block.near, place, _kernel_halves(), *rows, parts, lowpass, made)
+        rows, lowpass = (block.values, self.means, self._grid), (DESIGN.first, decimating_filter())
+        self.loops.resample(block.near, place, kernel_halves(), *rows, parts, lowpass, made)
 
     def _use(self, n_points: int) -> None:
         """Have at least so many points in use."""
@@ -471,12 +471,12 @@ def _upsampled(
     """Return samples `start` to `stop` of the rows at `factor` times their rate."""
     low = start // factor - DESIGN.upsampling_half
     high = -(-stop // factor) + DESIGN.upsampling_half + 1
-    wanted = _upsampling_filter(factor), factor, start - low * factor, stop - start
+    wanted = upsampling_filter(factor), factor, start - low * factor, stop - start
     return [_kernels.loops.upsample(mirrored(row, low, high), *wanted) for row in rows]
 
 
 @lru_cache(maxsize=32)
-def _upsampling_filter(factor: int) -> NDArray[np.floating]:
+def upsampling_filter(factor: int) -> NDArray[np.floating]:
     """Low pass at the old Nyquist frequency; Kaiser's window for 80 dB."""
     taps, window = 2 * DESIGN.upsampling_half * factor + 1, ("kaiser", scipy.signal.kaiser_beta(80))
     return factor * scipy.signal.firwin(taps, 1 / factor, window=window)
@@ -504,7 +504,7 @@ def _kernel(distance: NDArray[np.floating]) -> NDArray[np.floating]:
 
 
 @lru_cache(maxsize=1)
-def _kernel_halves() -> NDArray[np.floating]:
+def kernel_halves() -> NDArray[np.floating]:
     """Polynomials for the kernel at the grid points below a sample, outermost first.
 
     Each is in the sample's place within its cell, -1/2..1/2, and stands for the kernel from here
@@ -524,7 +524,7 @@ def _kernel_spectrum(frequency: NDArray[np.floating]) -> NDArray[np.float64]:
     """Fourier transform of the kernel at frequencies in cycles per grid point."""
     node, weight = np.polynomial.legendre.leggauss(40)
     spectrum = np.zeros(len(frequency))
-    for k, half in zip(reversed(range(DESIGN.width // 2)), _kernel_halves(), strict=True):
+    for k, half in zip(reversed(range(DESIGN.width // 2)), kernel_halves(), strict=True):
         distance = node / 2 + 0.5 + k
         value = np.asarray(Polynomial(half)(node / 2), np.float64)
         # The kernel is even: a point above the sample counts as one below.
@@ -533,7 +533,7 @@ def _kernel_spectrum(frequency: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 @lru_cache(maxsize=1)
-def _decimating_filter() -> NDArray[np.floating]:
+def decimating_filter() -> NDArray[np.floating]:
     """Low pass for keeping every other point of the fine grid, which also evens out the kernel."""
     # Frequencies in units of the fine grid's Nyquist frequency; that of the result is 0.5.
     passed = np.repeat(np.linspace(0, 0.5 * (DESIGN.flat + 0.02), 41), 2)[1:-1]

@@ -160,8 +160,8 @@ class StreamedModel:
                 )
         self._check_options()
         self.classifier = steps.pop() if hasattr(steps[-1], "predict_proba") else None
-        self._transformers = steps[2:]
-        following = [*self._transformers, self.classifier][0]
+        self.transformers = steps[2:]
+        following = [*self.transformers, self.classifier][0]
         self._names = getattr(following, "feature_names_in_", None)
 
     def reading(
@@ -188,7 +188,7 @@ class StreamedModel:
         if self._names is not None:  # of a model that was fitted to a DataFrame
             table = pd.DataFrame(table, columns=self._names)
         lines: list[Statement] = []
-        for step in [*self._transformers, *filter(None, [self.classifier])]:
+        for step in [*self.transformers, *filter(None, [self.classifier])]:
             if complete:
                 for part, own in parts_with_input(step, table, BinTransformer):
                     lines += part.new_lines(own)[0]
@@ -233,7 +233,7 @@ class StreamedModel:
 
     def digest(self) -> str:
         """Return the digest of the parameters and the fitted values of all steps."""
-        return model_digest([self.resampler, self.psd, *self._transformers, self.classifier])
+        return model_digest([self.resampler, self.psd, *self.transformers, self.classifier])
 
     def _check_options(self) -> None:
         resampler, psd = self.resampler, self.psd

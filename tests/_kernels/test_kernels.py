@@ -11,12 +11,12 @@ from scipy.integrate import cumulative_trapezoid
 
 from emacm import _kernels
 from emacm._kernels import numpy as _kernels_numpy
-from emacm.resampling.spreading import _decimating_filter, _kernel_halves
+from emacm.resampling.spreading import decimating_filter, kernel_halves
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("numba") is None, reason="numba is not installed (extra 'fast')"
 )
-TAPS = _decimating_filter()
+TAPS = decimating_filter()
 both_types = pytest.mark.parametrize("dtype", [np.float64, np.float32])
 
 
@@ -52,7 +52,7 @@ def test_integrals_agree_with_the_running_sum_to_the_last_bit(compiled, rng, dty
 def spread(module, near, scale, offset, signals, means, grid):
     """Spread samples as one part, after which nothing is decimated."""
     one_part = len(near) - 2, np.array([grid.shape[1] - 10]), np.array([0])
-    rows = _kernel_halves(), signals, means, grid
+    rows = kernel_halves(), signals, means, grid
     module.resample(near, (scale, offset), *rows, one_part, (2, TAPS), (grid[:, :0], 0))
 
 
@@ -81,7 +81,7 @@ def test_resampling_part_by_part_is_spreading_and_decimating(compiled, rng, dtyp
     n_points, ready = np.array([200, 180, 230, 150]), np.array([30, 0, 60, 50])
     grids, outputs = np.zeros((3, n_signals, 290)), np.full((3, n_signals, 150), 7.0)
     for module, grid, made in zip((compiled, _kernels_numpy), grids, outputs, strict=False):
-        rows = _kernel_halves(), signals, means, grid
+        rows = kernel_halves(), signals, means, grid
         parts = 300, n_points, ready
         module.resample(near, (3.0, 2.5), *rows, parts, (2, TAPS), (made, 5))
     offset, done = 2.5, 5

@@ -1,0 +1,1 @@
+"""A fitted model as source text for a controller."""
