@@ -14,7 +14,8 @@ from emacm._saved import written_whole
 from emacm.files.drafts import contents_of, draft_layout
 from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
-from emacm.machine.find_faults import find_faults, healthy_scores
+from emacm.machine.find_faults import find_faults
+from emacm.machine.healthy_scores import healthy_scores
 from emacm.machine.rolling import bearing_of
 from emacm.recordings.names import printable
 from emacm.recordings.recording import Recording

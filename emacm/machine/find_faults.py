@@ -10,10 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from emacm._checks import check_count, check_number, located
+from emacm._checks import check_count, check_number
 from emacm.machine.fault_lines import FaultLines
 from emacm.machine.fault_orders import Parts, fault_series, only_damage
 from emacm.machine.fault_spectra import Fault, Measured, measured_spectra
+from emacm.machine.healthy_scores import HealthyScores, healthy_scores
+from emacm.machine.plain_lines import rises
 from emacm.recordings.inputs import check_channel_names, entry_name
 
 NONE, NOT_ASSESSED = "none", "not assessed"
@@ -36,11 +38,15 @@ class NamingSettings:
     depth : float
         Depth of modulation from which on it is named without healthy recordings: amplitude of the
         lines over the mean of the envelope.
+    periodic : float
+        Score in the envelope of a band, without prewhitening, from which on impacts that repeat
+        exactly are named [dB].
     """
 
     suspected: float = 3.0
     named: float = 6.0
     depth: float = 0.04
+    periodic: float = 12.0
 
 
 class FaultTable(pd.DataFrame):
@@ -217,7 +223,7 @@ def find_faults(
             _check_rate(X, measured, usual.fs)
         case = _Case(measured, usual, false_alarm, settings)
         # The first rule that answers decides.
-        rules = _defect, _highest_score, _wrong_speed, _named, _suspected
+        rules = (_defect, _highest_score, _wrong_speed, _named, _periodic, _risen, _suspected)
         finding = next(filter(None, (rule(case) for rule in rules)))
         row = {"recording": measured.number, "channel": measured.channel}
         row |= {"named": finding.named, "suspected": finding.suspected}
@@ -228,57 +234,6 @@ def find_faults(
     names = [fault.name for fault in series]
     head = ["recording", "channel", "named", "suspected", *names, *(f"p({n})" for n in names)]
     return FaultTable(rows, columns=[*head, "slip", "calibrated", "explanation"])
-
-
-class HealthyScores(NamedTuple):
-    """Highest score of each fault in healthy recordings, not below 0 dB, of one channel.
-
-    Attributes
-    ----------
-    fs : float
-        Sampling rate [Hz]; NaN for a table.
-    within_slip, other_speeds : dict of str to float
-        Score at the stated speed, and within the largest error of it [dB].
-    """
-
-    fs: float
-    within_slip: dict[str, float]
-    other_speeds: dict[str, float]
-
-
-def healthy_scores(
-    healthy: Any,
-    parts: Any,
-    *,
-    harmonics: int = 3,
-    slip: float = 0.02,
-    channels: Sequence[str] | None = None,
-) -> dict[str, HealthyScores]:
-    """Return the highest score of each fault in healthy recordings, not below 0 dB, by channel.
-
-    `find_faults` takes the result as `healthy`, so that many recordings can be judged one by one.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As `find_faults`; also if the harmonics of the shaft show that a speed is wrong.
-    """
-    by_channel: dict[str, HealthyScores] = {}
-    parts = only_damage(parts)
-    levels = FaultLines(parts, harmonics=harmonics, slip=slip, channels=channels)
-    with located("healthy"):
-        for measured in measured_spectra(healthy, levels):
-            if measured.is_shifted:
-                name = entry_name(healthy, measured.number)
-                raise ValueError(f"{name}: {_speed_text(measured, None)}")
-            own = by_channel.setdefault(measured.channel, HealthyScores(measured.fs, {}, {}))
-            spectrum = measured.spectrum
-            for scores, faults in (
-                (own.within_slip, spectrum.faults()),
-                (own.other_speeds, spectrum.faults_at_other_speeds()),
-            ):
-                scores |= {f.name: max(f.score, scores.get(f.name, 0.0)) for f in faults}
-    return by_channel
 
 
 class _Finding(NamedTuple):
@@ -331,6 +286,14 @@ class _Case:
         return max(possible, key=lambda fault: fault.excess)
 
     @cached_property
+    def risen(self) -> tuple[pd.DataFrame, float]:
+        """Rises of the lines of the signal itself above healthy recordings, and their speed."""
+        plain = self.measured.plain
+        if plain is None or self.healthy is None or not self.healthy.plain:
+            return pd.DataFrame(), np.nan
+        return rises(plain, self.healthy.plain)
+
+    @cached_property
     def at_other_speed(self) -> Fault | None:
         """The strongest fault that would be named with another speed."""
         faults = self.measured.spectrum.faults_at_other_speeds()
@@ -357,9 +320,7 @@ class _Case:
         if fault.is_single:
             return "; a single line is a modulation, impacts have harmonics"
         if not calibrated and not fault.series.slips:
-            return (
-                "; shafts of healthy machines have such lines too: healthy recordings would decide"
-            )
+            return "; shafts of healthy machines have such lines too"
         if not calibrated and fault.depth < self.settings.depth:
             return (
                 f"; they modulate the envelope by {100 * fault.depth:.1f} %, as those of healthy "
@@ -409,7 +370,7 @@ def _wrong_speed(case: _Case) -> _Finding | None:
         is_clear = best.excess >= case.settings.named and not case.below_limits(best)
         if fault.excess < best.excess + (6.0 if is_clear else 3.0):
             return None
-    text = _speed_text(measured, None if measured.is_shifted else fault)
+    text = measured.speed_text(None if measured.is_shifted else fault)
     suspected = NONE if fault is None else fault.name
     return _Finding(NOT_ASSESSED, suspected, fault or best, f"not assessed: {text}")
 
@@ -445,6 +406,83 @@ def _further_fault(case: _Case, named: Sequence[str]) -> Fault | None:
     return None
 
 
+def _periodic(case: _Case) -> _Finding | None:
+    """Name a fault by impacts that repeat exactly, which prewhitening removes as it does a tone.
+
+    Such impacts are short: all of their lines are high. In the recordings of the drive end and of
+    MFPT of which nothing is named, a wrong fault has at most 10.6 dB.
+    """
+    usual = case.healthy and case.healthy.in_bands
+    found = [
+        (fault, fine, faults)
+        for coarse, fine in case.measured.bands()
+        for faults in [_compared(coarse.faults(), usual)]
+        for fault in faults
+        if fault.series.slips or case.healthy is not None
+    ]
+    if not found:
+        return None
+    best, fine, faults = max(found, key=lambda each: each[0].excess)
+    others = [fault.excess for fault, *_ in found if fault.name != best.name]
+    if (
+        best.score < max(case.settings.periodic, case.settings.named)
+        or best.excess < max([case.settings.suspected, *(other + 3.0 for other in others)])
+        or min(best.heights) < 10.0
+        or best.depth < case.settings.depth
+        or not case.is_significant(best)
+        or best.modulated(faults)
+        or fine.has_other_source(best)
+    ):
+        return None
+    text = f"{_sentence(best, case.faults)}, by impacts that repeat exactly (not prewhitened)"
+    return _Finding(best.name, NONE, best, text)
+
+
+def _risen(case: _Case) -> _Finding | None:
+    """Name gears by the sidebands of their mesh, or else orders, that rose above healthy ones.
+
+    Sidebands of noise alone are 1 to 3 dB high.
+    """
+    table, speed = case.risen
+    if table.empty:
+        return None
+    pairs = table.index.get_level_values("pair")
+    is_order = pairs == -1
+    settings = case.settings
+    limits = np.where(is_order, settings.named, settings.suspected)
+    is_shown = (table["rise"] >= limits) & (table["height"] >= np.where(is_order, 6.0, 5.0))
+    if (shown := table[is_shown & ~is_order]).empty:
+        rows = table[is_shown & is_order].sort_values("rise", ascending=False)
+        names = [name for _, name, _ in rows.index]
+        found = " + ".join(names)
+        causes = {"1x": ": imbalance or a bent shaft", "2x": ": misalignment or looseness"}
+        texts = [
+            f"{name} is {row.rise:.0f} dB above the healthy recordings of the nearest speed and "
+            f"load, in the order spectrum{causes.get(name, '')}"
+            for name, row in zip(names, rows.itertuples(), strict=True)
+        ]
+    else:
+        pair, name, harmonic = shown["rise"].idxmax()
+        by_gear = table["rise"].loc[pair].groupby(level="name", sort=False).max()
+        # The sidebands of a gear may be those of the other one, and both change with the mesh.
+        names = by_gear.index[by_gear > by_gear.max() - settings.named].tolist()
+        found = " or ".join(names)
+        row = table.loc[(pair, name, harmonic)]
+        texts = [
+            f"sidebands of {found} at {harmonic}x mesh are {row['rise']:.0f} dB above the healthy "
+            f"recordings of the nearest speed and load, in the order spectrum (the mesh itself: "
+            f"{row['mesh']:+.0f} dB)"
+        ]
+    if not names:
+        return None
+    fault = next((fault for fault in case.faults if fault.name in names), case.best)
+    text, rpm, near = "; ".join(texts), case.measured.rpm, speed * 30 / np.pi
+    if abs(near / rpm - 1) < 0.05:  # at other speeds, other lines meet the resonances
+        return _Finding(found, NONE, fault, text)
+    far = f"none of them runs at {rpm:.0f} rpm, the nearest at {near:.0f} rpm"
+    return _Finding(NONE, found, fault, f"{found} is suspected: {text}; {far}")
+
+
 def _suspected(case: _Case) -> _Finding:
     """Suspect faults by lines that healthy machines may also have, or find none."""
     likely = [
@@ -459,11 +497,28 @@ def _suspected(case: _Case) -> _Finding:
     shown = max(likely or [case.best], key=lambda fault: fault.score)
     reason = case.rejection(shown) if shown is case.best else case.below_limits(shown)
     causes = shown.modulated(case.faults) or [shown]
+    if case.healthy is None and not all(fault.series.slips for fault in causes):
+        likely = []
     suspected = " + ".join(fault.name for fault in causes) if likely else NONE
     text = f"{suspected} is suspected: {_sentence(shown, case.faults)}{reason}"
     if not likely:
         text = f"no fault: highest {_sentence(shown, case.faults, named=False)}{reason}"
-    return _Finding(NONE, suspected, shown, text)
+    return _Finding(NONE, suspected, shown, text + _not_compared(case))
+
+
+def _not_compared(case: _Case) -> str:
+    """State what only a comparison with healthy recordings would show, or ""."""
+    text = ""
+    if case.measured.plain is not None:
+        own = case.measured.plain.levels.loc[-1:-1].reset_index().set_index("name")["height"]
+        for name in own.index[own >= 6.0].intersection([fault.name for fault in case.faults]):
+            text += f"; in the order spectrum {name} is {own[name]:.0f} dB above the background"
+            text += ", which healthy recordings would judge" if case.healthy is None else ""
+    kinds = {fault.series.kind for fault in case.faults if not fault.series.slips}
+    if case.healthy is None and kinds:
+        only_bars = kinds == {"broken bar or end ring"}
+        text += f"; {'a rotor' if only_bars else 'a gear'} needs healthy recordings"
+    return text
 
 
 def _check_rate(X: Any, measured: Measured, fs: float) -> None:
@@ -476,22 +531,6 @@ def _check_rate(X: Any, measured: Measured, fs: float) -> None:
         )
 
 
-def _speed_text(measured: Measured, fault: Fault | None) -> str:
-    """State the speed or geometry that fits the lines of a fault, or else those of the shaft."""
-    factor = 1 + (measured.shift if fault is None else fault.slip)
-    text = f"harmonics of the shaft are at {factor:.3f} and multiples of it"
-    if fault is not None:
-        order, side = fault.series.orders[0], "above" if fault.slip > 0 else "below"
-        text = (
-            f"lines at {order * factor:.3f} and multiples of it are like those of "
-            f"{fault.name}, but {100 * abs(fault.slip):.1f} % {side} {order:.3f}"
-        )
-    if np.isnan(measured.rpm):
-        return f"{text}. Correct the speed or the geometry, or raise slip."
-    question = f"is the speed {measured.rpm * factor:.0f} rpm, or the sampling rate wrong?"
-    return f"{text}: {question} Otherwise correct the geometry, or raise slip."
-
-
 def _sentence(fault: Fault, faults: Sequence[Fault], *, named: bool = True) -> str:
     """Describe the lines of a fault; if it is not named, after "highest"."""
     name, (*others, last) = fault.name, [f"{height:z.0f}" for height in fault.heights]
@@ -501,7 +540,7 @@ def _sentence(fault: Fault, faults: Sequence[Fault], *, named: bool = True) -> s
     lines, verb = (f"{which} and its harmonics", "are") if others else (which, "is")
     beside = f", with {' and '.join(fault.sides)} sidebands" if fault.sides else ""
     heights = f"{', '.join(others)} and {last}" if others else last
-    level = f"{heights} dB above the local background{beside}"
+    level = f"{heights} dB above the local background of the envelope spectrum{beside}"
     kind = "" if fault.series.kind in ("given", name) else fault.series.kind
     if not named:
         return f"{verb} {lines}{f' ({kind})' if kind else ''}, {level}"
