@@ -86,7 +86,8 @@ def find_faults(
         for bearings those of the envelope.
     parts : part, or sequence of parts
         `Bearing`, `Gear` and so on, or mappings of fault names to orders. Lines that undamaged
-        parts have too, of the mesh, the shafts and the supply, are not looked for.
+        parts have too, of the mesh, the shafts and the supply, are not looked for, but compared
+        with `healthy`.
     harmonics : int
         Number of lines of each fault.
     slip : float
@@ -99,6 +100,7 @@ def find_faults(
     healthy : list of Recording, or table, or result of `healthy_scores`, optional
         The same machine without faults, measured in the same way. Healthy machines have lines
         too: a fault is then named if it is 3 dB above its highest healthy score, whatever it is.
+        A fault of a gear needs them. "load" of the recordings' `meta` is used where it is stated.
     settings : NamingSettings
         Limits from which on a fault is suspected and named.
 
@@ -110,7 +112,8 @@ def find_faults(
 
         - "recording" (number in X), "channel",
         - "named": name of the fault, or several joined by " + ", the strongest first; "none"; or
-          "not assessed", with the reason in "explanation",
+          "not assessed", with the reason in "explanation"; with `healthy` also "pinion or wheel",
+          "1x" and "2x",
         - "suspected": in the same form, lines that healthy machines may also have at this level,
           or that another speed or geometry would explain; "none" if a fault is named,
         - the name of each fault: its score [dB], the mean level of its lines above the local
@@ -145,7 +148,23 @@ def find_faults(
     it says nothing about other sources of lines.
 
     The lines of a fault of a gear are those of its shaft, which healthy machines have too: without
-    `healthy` it is at most suspected, and beside a fault of rolling elements it is not looked for.
+    `healthy` it is neither named nor suspected. With it, where the envelope shows no fault:
+
+    - The sidebands of the mesh at the turns of pinion and wheel, in the order spectrum of the
+      signal itself, are compared with at least three healthy recordings of the nearest speed and
+      load. Sidebands beside one harmonic of the mesh that are 3 dB above the highest of these, in
+      level and relative to the median of the spectrum, name the gear; "pinion or wheel" if those of
+      the other one rose too, within 6 dB of it. The mesh itself may have risen alike: another load
+      or assembly has the same effect. On a gear rig (32:80, one assembly each), 5 of 5 recordings
+      with a broken tooth are found and 0 of 5 healthy ones, each left out of its own baseline.
+    - 1x, 2x and orders of a mapping are named if their lines in that spectrum are 6 dB above.
+    - If no healthy speed is within 5 %, both are only suspected.
+
+    Impacts that repeat exactly, as in simulations without slip or of a tooth, are removed by
+    prewhitening. Where nothing else is named, the envelopes of four fixed bands (octaves, up to
+    15/32 of the sampling rate) are searched without prewhitening: a fault is named from a score of
+    12 dB on, if all of its lines are at least 10 dB high and no other fault is within 3 dB.
+    Weaker impacts of this kind are not seen.
 
     If the strongest fault is rejected, no other one is named. A further fault is named by lines
     that those before it do not explain, in a spectrum of up to 100 or 50 revolutions: harmonics of
@@ -446,6 +465,9 @@ def _risen(case: _Case) -> _Finding | None:
     table, speed = case.risen
     if table.empty:
         return None
+    plain = case.measured.plain
+    stated = "speed" if plain is None or plain.load is None else "speed and load"
+    healthy = f"the healthy recordings of the nearest {stated}"
     pairs = table.index.get_level_values("pair")
     is_order = pairs == -1
     settings = case.settings
@@ -457,8 +479,8 @@ def _risen(case: _Case) -> _Finding | None:
         found = " + ".join(names)
         causes = {"1x": ": imbalance or a bent shaft", "2x": ": misalignment or looseness"}
         texts = [
-            f"{name} is {row.rise:.0f} dB above the healthy recordings of the nearest speed and "
-            f"load, in the order spectrum{causes.get(name, '')}"
+            f"{name} is {row.rise:.0f} dB above {healthy}, in the order spectrum"
+            f"{causes.get(name, '')}"
             for name, row in zip(names, rows.itertuples(), strict=True)
         ]
     else:
@@ -469,9 +491,8 @@ def _risen(case: _Case) -> _Finding | None:
         found = " or ".join(names)
         row = table.loc[(pair, name, harmonic)]
         texts = [
-            f"sidebands of {found} at {harmonic}x mesh are {row['rise']:.0f} dB above the healthy "
-            f"recordings of the nearest speed and load, in the order spectrum (the mesh itself: "
-            f"{row['mesh']:+.0f} dB)"
+            f"sidebands of {found} at {harmonic}x mesh are {row['rise']:.0f} dB above {healthy}, "
+            f"in the order spectrum (the mesh itself: {row['mesh']:+.0f} dB)"
         ]
     if not names:
         return None

@@ -174,7 +174,9 @@ def nearest_conditions(own: PlainLines, healthy: Sequence[PlainLines]) -> list[P
     [100, 100, 100]
     """
     loads = [own.load, *(run.load for run in healthy)]
-    if not all(isinstance(load, int | float) for load in loads):
+    try:
+        loads = [float(load) for load in loads]
+    except (TypeError, ValueError):  # None, or a name
         loads = [load != own.load for load in loads]
     speeds = np.log([own.speed, *(run.speed for run in healthy)])
     distance = np.zeros(len(healthy))
