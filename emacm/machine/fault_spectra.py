@@ -394,6 +394,11 @@ def _shift_of_shaft(table: Any, top: float, levels: FaultLines) -> float:
         return 0.0
     n_shifts = round(20 * widest / rounded)
     shifts = widest / n_shifts * np.arange(-n_shifts, n_shifts + 1)
+    # Harmonics of a slower shaft of a gear are no harmonics of this shaft at another speed.
+    turns = [line.order for gear in gears_and_orders(levels.parts)[0] for line in gear.lines()[1:3]]
+    slower = np.array([turn for turn in turns if turn < 1 - widest])
+    multiples = (1 + shifts)[:, np.newaxis] / slower
+    of_gear = (np.abs(multiples - np.rint(multiples)) * slower < 2 * rounded).any(axis=1)
     places = np.outer(1 + shifts, np.arange(1.0, n_lines + 1))
     shaft = FaultLines({"shaft": 1.0}, harmonics=1, channels=levels.channels)
     shown = []
@@ -402,7 +407,8 @@ def _shift_of_shaft(table: Any, top: float, levels: FaultLines) -> float:
         means = np.interp(places, spectrum.lines.orders, heights).mean(axis=1)
         highest, shift = -np.inf, 0.0
         for reach in (rounded, levels.slip, widest):
-            best = np.where(np.abs(shifts) <= reach, means, -np.inf).argmax()
+            likely = (np.abs(shifts) <= reach) & ((np.abs(shifts) <= rounded) | ~of_gear)
+            best = np.where(likely, means, -np.inf).argmax()
             if means[best] >= highest + 6.0:
                 highest, shift = means[best], shifts[best]
         if highest >= 10.0:

@@ -354,6 +354,11 @@ class _Case:
             return "; the lines between them are as high, as with impacts of another source"
         return reason
 
+    def name_of(self, fault: Fault) -> str:
+        """Return the name of a fault; of gears with the same lines, the names of all."""
+        same = [f.name for f in self.faults if f.series.orders == fault.series.orders]
+        return fault.name if fault.series.slips else " or ".join(same)
+
     def is_significant(self, fault: Fault) -> bool:
         """Return whether background alone hardly reaches the score of a fault."""
         return fault.p <= self.false_alarm / len(self.faults)
@@ -402,7 +407,7 @@ def _named(case: _Case) -> _Finding | None:
     while fault := _further_fault(case, [fault.name for fault in named]):
         named.append(fault)
     text = "; ".join(_sentence(fault, case.faults) for fault in named)
-    return _Finding(" + ".join(fault.name for fault in named), NONE, case.best, text)
+    return _Finding(" + ".join(map(case.name_of, named)), NONE, case.best, text)
 
 
 def _further_fault(case: _Case, named: Sequence[str]) -> Fault | None:
@@ -442,7 +447,8 @@ def _periodic(case: _Case) -> _Finding | None:
     if not found:
         return None
     best, fine, faults = max(found, key=lambda each: each[0].excess)
-    others = [fault.excess for fault, *_ in found if fault.name != best.name]
+    same = best.series.orders
+    others = [fault.excess for fault, *_ in found if fault.series.orders != same]
     if (
         best.score < max(case.settings.periodic, case.settings.named)
         or best.excess < max([case.settings.suspected, *(other + 3.0 for other in others)])
@@ -454,7 +460,7 @@ def _periodic(case: _Case) -> _Finding | None:
     ):
         return None
     text = f"{_sentence(best, case.faults)}, by impacts that repeat exactly (not prewhitened)"
-    return _Finding(best.name, NONE, best, text)
+    return _Finding(case.name_of(best), NONE, best, text)
 
 
 def _risen(case: _Case) -> _Finding | None:
