@@ -466,7 +466,7 @@ def _periodic(case: _Case) -> _Finding | None:
 def _risen(case: _Case) -> _Finding | None:
     """Name gears by the sidebands of their mesh, or else orders, that rose above healthy ones.
 
-    Sidebands of noise alone are 1 to 3 dB high.
+    Sidebands of noise alone are 1 to 3 dB high, and its highest line within a slip is 6 to 7 dB.
     """
     table, speed = case.risen
     if table.empty:
@@ -478,7 +478,7 @@ def _risen(case: _Case) -> _Finding | None:
     is_order = pairs == -1
     settings = case.settings
     limits = np.where(is_order, settings.named, settings.suspected)
-    is_shown = (table["rise"] >= limits) & (table["height"] >= np.where(is_order, 6.0, 5.0))
+    is_shown = (table["rise"] >= limits) & (table["height"] >= np.where(is_order, 10.0, 5.0))
     if (shown := table[is_shown & ~is_order]).empty:
         rows = table[is_shown & is_order].sort_values("rise", ascending=False)
         names = [name for _, name, _ in rows.index]
@@ -538,7 +538,7 @@ def _not_compared(case: _Case) -> str:
     text = ""
     if case.measured.plain is not None:
         own = case.measured.plain.levels.loc[-1:-1].reset_index().set_index("name")["height"]
-        for name in own.index[own >= 6.0].intersection([fault.name for fault in case.faults]):
+        for name in own.index[own >= 10.0].intersection([fault.name for fault in case.faults]):
             text += f"; in the order spectrum {name} is {own[name]:.0f} dB above the background"
             text += ", which healthy recordings would judge" if case.healthy is None else ""
     kinds = {fault.series.kind for fault in case.faults if not fault.series.slips}
