@@ -294,17 +294,7 @@ def _of_recording(number: int, stated: Recording, levels: FaultLines) -> Iterato
     paths = recording.paths()
     speed = sum(path.length for path in paths) / sum(path.n_times for path in paths)
     rpm = speed * recording.shaft_fs * 30 / np.pi
-    gears, own = gears_and_orders(levels.parts)
-    shaft = {f"{order:g}x": order for order in (1.0, 2.0) if order not in own.values()}
-    plain = measure_plain_lines(
-        recording,
-        gears,
-        own | shaft,
-        harmonics=levels.harmonics,
-        slip=levels.slip,
-        n_revolutions=int(_longest_stroke(recording)),
-        channels=levels.channels,
-    )
+    plain = measure_plain_lines(recording, levels, int(_longest_stroke(recording)))
     for channel in by_length[0]:
         mean = float(np.mean(envelope[0].signals[channel]))
         spectrum, *finer = (spectra[channel][0]._replace(mean=mean) for spectra in by_length)

@@ -471,39 +471,36 @@ def _risen(case: _Case) -> _Finding | None:
     table, speed = case.risen
     if table.empty:
         return None
-    plain = case.measured.plain
-    stated = "speed" if plain is None or plain.load is None else "speed and load"
-    healthy = f"the healthy recordings of the nearest {stated}"
-    pairs = table.index.get_level_values("pair")
-    is_order = pairs == -1
-    settings = case.settings
-    limits = np.where(is_order, settings.named, settings.suspected)
-    is_shown = (table["rise"] >= limits) & (table["height"] >= np.where(is_order, 10.0, 5.0))
-    if (shown := table[is_shown & ~is_order]).empty:
-        rows = table[is_shown & is_order].sort_values("rise", ascending=False)
-        names = [name for _, name, _ in rows.index]
+    is_gear, settings = table["mesh"].notna(), case.settings
+    least = np.where(is_gear, settings.suspected, settings.named)
+    is_high = table["height"] >= np.where(is_gear, 5.0, 10.0)
+    shown = table[is_high & (table["rise"] >= least)].sort_values("rise", ascending=False)
+    if shown.empty:
+        return None
+    gears = shown[shown["mesh"].notna()]
+    if gears.empty:
+        names = [name for _, name, _ in shown.index]
         found = " + ".join(names)
-        causes = {"1x": ": imbalance or a bent shaft", "2x": ": misalignment or looseness"}
-        texts = [
-            f"{name} is {row.rise:.0f} dB above {healthy}, in the order spectrum"
-            f"{causes.get(name, '')}"
-            for name, row in zip(names, rows.itertuples(), strict=True)
+        causes = {"1x": "imbalance or a bent shaft", "2x": "misalignment or looseness"}
+        told = [
+            (f"{name} is", rise, f": {causes[name]}" if name in causes else "")
+            for name, rise in zip(names, shown["rise"], strict=True)
         ]
     else:
-        pair, name, harmonic = shown["rise"].idxmax()
+        (pair, _, harmonic), row = gears.index[0], gears.iloc[0]
         by_gear = table["rise"].loc[pair].groupby(level="name", sort=False).max()
         # The sidebands of a gear may be those of the other one, and both change with the mesh.
         names = by_gear.index[by_gear > by_gear.max() - settings.named].tolist()
-        found = " or ".join(names)
-        row = table.loc[(pair, name, harmonic)]
-        texts = [
-            f"sidebands of {found} at {harmonic}x mesh are {row['rise']:.0f} dB above {healthy}, "
-            f"in the order spectrum (the mesh itself: {row['mesh']:+.0f} dB)"
-        ]
-    if not names:
-        return None
+        found, mesh = " or ".join(names), f" (the mesh itself: {row['mesh']:+.0f} dB)"
+        told = [(f"sidebands of {found} at {harmonic}x mesh are", row["rise"], mesh)]
+    plain, rpm, near = case.measured.plain, case.measured.rpm, speed * 30 / np.pi
+    nearest = "speed" if plain is None or plain.load is None else "speed and load"
+    text = "; ".join(
+        f"{what} {rise:.0f} dB above the healthy recordings of the nearest {nearest}, in the order "
+        f"spectrum{cause}"
+        for what, rise, cause in told
+    )
     fault = next((fault for fault in case.faults if fault.name in names), case.best)
-    text, rpm, near = "; ".join(texts), case.measured.rpm, speed * 30 / np.pi
     if abs(near / rpm - 1) < 0.05:  # at other speeds, other lines meet the resonances
         return _Finding(found, NONE, fault, text)
     far = f"none of them runs at {rpm:.0f} rpm, the nearest at {near:.0f} rpm"

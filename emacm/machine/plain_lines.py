@@ -10,10 +10,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm.findings.new_lines import line_heights
-from emacm.machine.fault_lines import nearest_lines, resolution
-from emacm.machine.gears import Gear
+from emacm.machine.fault_lines import FaultLines, nearest_lines, resolution
+from emacm.machine.fault_orders import gears_and_orders
 from emacm.orders.columns import column_names, parse_order_columns
 from emacm.orders.order_psd import OrderPSD
+from emacm.recordings.inputs import chosen_channels
 from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler
 
@@ -43,64 +44,55 @@ class PlainLines(NamedTuple):
 
 
 def measure_plain_lines(
-    recording: Recording,
-    gears: Sequence[Gear],
-    orders: Mapping[str, float],
-    *,
-    harmonics: int,
-    slip: float,
-    n_revolutions: int,
-    channels: Sequence[str] | None,
+    recording: Recording, levels: FaultLines, n_revolutions: int
 ) -> dict[str, PlainLines]:
-    """Measure the sidebands of gears, and lines at some orders, in each channel of a recording.
+    """Measure sidebands of gears, 1x, 2x and stated orders in each channel of a recording.
 
     Parameters
     ----------
     recording : Recording
         Vibration as measured.
-    gears : sequence of Gear
-        Pairs of gears.
-    orders : mapping of str to float
-        Orders by name, at least one.
-    harmonics : int
-        Number of harmonics of each mesh, as far as the sampling rate supports them.
-    slip : float
-        Largest deviation from `orders`, as a fraction.
+    levels : FaultLines
+        States parts, harmonics (of each mesh, as far as the sampling rate supports them), slip
+        (largest deviation from the stated orders) and channels; it need not be fitted.
     n_revolutions : int
         Length of the longest stroke.
-    channels : sequence of str, optional
-        Default: all.
 
     Returns
     -------
     dict of str to PlainLines
         By channel. Lines that the spectrum does not resolve, or does not reach, have no row.
     """
-    speeds = np.abs(recording.velocity)
-    rates = [recording.fs[name] for name in recording.channels if not channels or name in channels]
+    gears, orders = gears_and_orders(levels.parts)
+    orders |= {f"{x:g}x": x for x in (1.0, 2.0) if x not in orders.values()}
+    speeds, chosen = (
+        np.abs(recording.velocity),
+        chosen_channels(levels.channels, recording.channels),
+    )
     triples = [gear.lines()[:3] for gear in gears]
-    highest = max(orders.values()) * (1 + slip) + 1
+    highest = max(orders.values()) * (1 + levels.slip) + 1
     for mesh, *turning in triples:
-        highest = max(highest, harmonics * mesh.order + 4 * max(turn.order for turn in turning))
-    top = min(highest, 0.4 * min(rates) / speeds.max() * 2 * np.pi)
+        highest = max(highest, levels.harmonics * mesh.order + 4 * max(t.order for t in turning))
+    fastest = speeds.max() / (2 * np.pi)
+    top = min(highest, 0.4 * min(recording.fs[name] for name in chosen) / fastest)
     slowest = min((turn.order for _, *turning in triples for turn in turning), default=1.0)
     length = min(max(25, int(np.ceil(4 / slowest))), n_revolutions)
-    resampler = OrderResampler(2 * np.pi / (2.6 * top), channels=channels)
+    resampler = OrderResampler(2 * np.pi / (2.6 * top), channels=levels.channels)
     table = OrderPSD(length, max_order=top).fit_transform(resampler.fit_transform([recording]))
     found = {}
     for block in parse_order_columns(column_names(table) or ()) or ():
         psd = np.asarray(table, np.float64)[0, block.columns]
         spectrum = _PlainSpectrum(np.asarray(block.orders, np.float64), psd)
-        rows = list(spectrum.rows_of_orders(orders, slip))
+        rows = list(spectrum.rows_of_orders(orders, levels.slip))
         for pair, (gear, (mesh, *turning)) in enumerate(zip(gears, triples, strict=True)):
             prefix = f"{gear.name} " if gear.name else ""
             turns = {prefix + turn.name: turn.order for turn in turning}
-            meshes = mesh.order * np.arange(1, harmonics + 1, dtype=np.float64)
+            meshes = mesh.order * np.arange(1, levels.harmonics + 1, dtype=np.float64)
             rows += spectrum.rows_of_gears(pair, meshes, turns)
         index = ["pair", "name", "harmonic"]
-        levels = pd.DataFrame(rows, columns=[*index, "level", "relative", "height", "mesh"])
+        known = pd.DataFrame(rows, columns=[*index, "level", "relative", "height", "mesh"])
         speed, load = float(speeds.mean()), recording.meta.get("load")
-        found[block.channel] = PlainLines(speed, load, levels.set_index(index))
+        found[block.channel] = PlainLines(speed, load, known.set_index(index))
     return found
 
 
@@ -165,7 +157,7 @@ def nearest_conditions(own: PlainLines, healthy: Sequence[PlainLines]) -> list[P
     """Return the healthy recordings of the nearest speed and load, at least three if there are.
 
     Speeds within 1 % count as equal. Differences of speed and of load are taken relative to their
-    range in the healthy recordings; a load that is no number is equal or not.
+    range in the healthy recordings. Loads count if all are numbers.
 
     Examples
     --------
@@ -173,15 +165,12 @@ def nearest_conditions(own: PlainLines, healthy: Sequence[PlainLines]) -> list[P
     >>> [run.speed for run in nearest_conditions(runs[1], runs)]
     [100, 100, 100]
     """
-    loads = [own.load, *(run.load for run in healthy)]
-    try:
-        loads = [float(load) for load in loads]
-    except (TypeError, ValueError):  # None, or a name
-        loads = [load != own.load for load in loads]
-    speeds = np.log([own.speed, *(run.speed for run in healthy)])
+    runs = [own, *healthy]
+    loads = pd.to_numeric(pd.Series([run.load for run in runs]), errors="coerce").to_numpy(float)
     distance = np.zeros(len(healthy))
-    for (at, *others), equal in ((speeds, 0.01), (np.array(loads, dtype=np.float64), 0.0)):
-        distance += np.maximum(np.abs(np.array(others) - at) - equal, 0) / (np.ptp(others) or 1.0)
+    for (at, *others), equal in ((np.log([run.speed for run in runs]), 0.01), (loads, 0.0)):
+        far = np.maximum(np.abs(np.array(others) - at) - equal, 0) / (np.ptp(others) or 1.0)
+        distance += np.nan_to_num(far)
     third = np.sort(distance)[: min(3, len(healthy))][-1]
     return [run for run, far in zip(healthy, distance, strict=True) if far <= third]
 
