@@ -32,8 +32,8 @@ only the finer one tells from harmonics of the shaft follows a false ball of UES
   within 1.5 % of the right one (labels of CWRU are wrong by up to 1.5 %). That small errors are
   corrected, and how, was decided on all rigs at wrong speeds; at the right ones no name changed.
 
-- "gear rig": that sidebands are compared harmonic by harmonic was chosen among about twelve measures
-  after looking at these recordings; the limit of 3 dB is that of bearings.
+- "gear rig": that sidebands are compared harmonic by harmonic was chosen among about twelve
+  measures after looking at these recordings; the limit of 3 dB is that of bearings.
 
 Results (left-out sizes, to the fan end): `bearing_recipe` 0.95, 0.85; kurtogram 0.85, 0.74;
 Welch 0.50, 0.37; MiniRocket (aeon 1.6) 0.50, 0.35; statistics 0.33, 0.55. The 95 % intervals are
