@@ -451,7 +451,9 @@ def fault_series(parts: Parts, harmonics: int) -> tuple[FaultSeries, ...]:
     for number, part in enumerate(_listed(parts)):
         for prefix, _, line in lines_of(part, number):
             orders = line.strikes * np.arange(1, harmonics + 1) * line.order
-            more = line.slips, line.kind, line.sidebands, line.strikes
+            # Stated orders 1 and 2 are those of the shaft itself.
+            slips = line.slips and not (line.kind == "given" and line.order in (1.0, 2.0))
+            more = slips, line.kind, line.sidebands, line.strikes
             found.append(FaultSeries(prefix + line.name, tuple(orders.tolist()), *more))
     check_distinct([fault.name for fault in found])
     return tuple(found)

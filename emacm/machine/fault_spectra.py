@@ -65,6 +65,11 @@ class Fault(NamedTuple):
         return self.score - self.healthy
 
     @property
+    def is_of_shaft(self) -> bool:
+        """Whether it is a stated order 1 or 2: the shaft itself, which has no impacts."""
+        return self.series.kind == "given" and not self.series.slips
+
+    @property
     def is_single(self) -> bool:
         """Whether a fault of rolling elements has one line only, as a modulation has.
 

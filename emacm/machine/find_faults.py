@@ -294,12 +294,13 @@ class _Case:
     def raised(self) -> list[Fault]:
         """Those that healthy recordings do not have, or all of them."""
         least = -np.inf if self.healthy is None else self.settings.suspected
-        return [fault for fault in self.faults if fault.excess >= least]
+        return [f for f in self.faults if f.excess >= least and not f.is_of_shaft]
 
     @cached_property
     def best(self) -> Fault:
         """The only one that may be named first."""
-        possible = [f for f in self.faults if not f.modulated(self.raised)] or self.faults
+        faults = [fault for fault in self.faults if not fault.is_of_shaft] or self.faults
+        possible = [fault for fault in faults if not fault.modulated(self.raised)] or faults
         if self.healthy is None:  # shafts have lines in any case
             possible = [fault for fault in possible if fault.series.slips] or possible
         return max(possible, key=lambda fault: fault.excess)
@@ -327,6 +328,8 @@ class _Case:
 
     def below_limits(self, fault: Fault) -> str:
         """Return which limit a fault does not reach, or ""."""
+        if fault.is_of_shaft:
+            return "; in the envelope, the shaft itself is no fault"
         calibrated = self.healthy is not None
         limit = self.settings.suspected if calibrated else self.settings.named
         if not self.is_significant(fault):
@@ -356,7 +359,8 @@ class _Case:
 
     def name_of(self, fault: Fault) -> str:
         """Return the name of a fault; of gears with the same lines, the names of all."""
-        same = [f.name for f in self.faults if f.series.orders == fault.series.orders]
+        orders = fault.series.orders
+        same = [f.name for f in self.faults if f.series.orders == orders and not f.is_of_shaft]
         return fault.name if fault.series.slips else " or ".join(same)
 
     def is_significant(self, fault: Fault) -> bool:
@@ -442,7 +446,7 @@ def _periodic(case: _Case) -> _Finding | None:
         for coarse, fine in case.measured.bands()
         for faults in [_compared(coarse.faults(), usual)]
         for fault in faults
-        if fault.series.slips or case.healthy is not None
+        if (fault.series.slips or case.healthy is not None) and not fault.is_of_shaft
     ]
     if not found:
         return None
@@ -538,7 +542,7 @@ def _not_compared(case: _Case) -> str:
         for name in own.index[own >= 10.0].intersection([fault.name for fault in case.faults]):
             text += f"; in the order spectrum {name} is {own[name]:.0f} dB above the background"
             text += ", which healthy recordings would judge" if case.healthy is None else ""
-    kinds = {fault.series.kind for fault in case.faults if not fault.series.slips}
+    kinds = {fault.series.kind for fault in case.faults if not fault.series.slips} - {"given"}
     if case.healthy is None and kinds:
         only_bars = kinds == {"broken bar or end ring"}
         text += f"; {'a rotor' if only_bars else 'a gear'} needs healthy recordings"

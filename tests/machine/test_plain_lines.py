@@ -146,6 +146,8 @@ def test_an_own_order_is_looked_for_in_the_signal_itself():
     assert 50 < float(stated[1]) < 90
     compared = find_faults([grown], own, healthy=[fan(seed=seed) for seed in (1, 2, 3)])
     assert compared["named"].tolist() == ["imbalance"]
+    # A loose part that strikes once per revolution has lines in the envelope, and is no imbalance.
+    assert find_faults([textbook(1.0, size=2.0)], own)["named"].tolist() == ["none"]
 
 
 # Impacts that repeat exactly
