@@ -157,7 +157,8 @@ def find_faults(
       the other one rose too, within 6 dB of it. The mesh itself may have risen alike: another load
       or assembly has the same effect. On a gear rig (32:80, one assembly each), 5 of 5 recordings
       with a broken tooth are found and 0 of 5 healthy ones, each left out of its own baseline.
-    - 1x, 2x and orders of a mapping are named if their lines in that spectrum are 6 dB above.
+    - 1x, 2x and orders of a mapping are named if their lines in that spectrum are 6 dB above. The
+      orders 1 and 2 of a mapping are the shaft itself, and named by nothing else.
     - If no healthy speed is within 5 %, both are only suspected.
 
     Impacts that repeat exactly, as in simulations without slip or of a tooth, are removed by
