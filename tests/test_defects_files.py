@@ -523,7 +523,7 @@ def test_parts_in_toml_name_what_is_missing_and_numbers_that_can_be_written(tmp_
     bearing = "[[Bearing]]\nn_balls = 9\nball_diameter = 8\npitch_diameter = 39\n"
     for text, message in (
         ("[[Gear]]\nteeth = 20\n", "Gear: 'mating_teeth' is missing; needed are"),
-        (f"{bearing}contact_angle = 15\n", "If it is in degrees, write 0.261799"),
+        (f"{bearing}contact_angle = 15\n", "'contact_angle' is not known"),
     ):
         (tmp_path / "parts.toml").write_text(text)
         options = ["--parts", str(tmp_path / "parts.toml"), "--speed", "600"]

@@ -15,8 +15,9 @@ from emacm.commands.result_tables import print_json
 from emacm.files.drafts import contents_of, draft_layout
 from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
-from emacm.machine.find_faults import find_faults, healthy_scores
-from emacm.machine.rolling import bearing_of
+from emacm.machine.find_faults import find_faults
+from emacm.machine.healthy_scores import healthy_scores
+from emacm.machine.rolling import bearing_of, designation_in, published_bearings
 from emacm.recordings.names import printable
 from emacm.recordings.recording import Recording
 from emacm.reports.inputs import as_cell, read_parts
@@ -34,6 +35,9 @@ def run(options: argparse.Namespace) -> int:
         0; 1 if a fault is named; 3 if there is no answer for some of the files.
     """
     parts = parts_of_options(options)
+    if options.bearing and (name := designation_in(options.bearing)):
+        source = published_bearings().at[name, "source"]
+        print(f"emacm: geometry of {name}: {source}. Other makers may differ.", file=sys.stderr)
     layout = layout_of_options(options, recording_files(options.paths, None, options.pattern)[0])
     paths = recording_files(options.paths, layout, options.pattern)
     healthy = None

@@ -489,7 +489,7 @@ def _add_pattern(add: Add) -> None:
 
 def _add_parts(add: Add) -> None:
     """Add the parts of the machine."""
-    bearing = "designation such as 6205, or balls,ball diameter,pitch diameter[,contact angle]"
+    bearing = "designation such as 6205, or balls,ball diameter,pitch diameter[,angle in degrees]"
     add("--bearing", str, "B", bearing)
     parts = "components: tables such as [[Bearing]] with n_balls, ball_diameter, pitch_diameter"
     add("--parts", _existing, "TOML", parts)

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from emacm._checks import check_choice, check_count, check_number, located
+from emacm.machine.gears import Gear
 from emacm.machine.motors import InductionMotor, Motor
 from emacm.machine.parts import Line, Part
 from emacm.orders.bins import Band, round_edge
@@ -364,7 +365,25 @@ def only_damage(parts: Parts) -> list[Part | Mapping[str, float]]:
     >>> [line.name for line in only_damage(Gear(8, 42))[0].lines()]
     ['pinion', 'wheel']
     """
-    return [_DamagedPart(part) if isinstance(part, Part) else part for part in _listed(parts)]
+    return [
+        part if isinstance(part, _DamagedPart) or not isinstance(part, Part) else _DamagedPart(part)
+        for part in _listed(parts)
+    ]
+
+
+def gears_and_orders(parts: Parts) -> tuple[list[Gear], dict[str, float]]:
+    """Return the pairs of gears among parts, and the orders that mappings state, by name.
+
+    Examples
+    --------
+    >>> from emacm import Gear
+    >>> gears_and_orders(only_damage([Gear(8, 42), {"fan": 7.0}]))[1]
+    {'fan': 7.0}
+    """
+    whole = [part.part if isinstance(part, _DamagedPart) else part for part in _listed(parts)]
+    given = [part for part in whole if isinstance(part, Mapping)]
+    orders = {str(name): float(order) for part in given for name, order in part.items()}
+    return [part for part in whole if isinstance(part, Gear)], orders
 
 
 @dataclass(frozen=True)
@@ -432,7 +451,9 @@ def fault_series(parts: Parts, harmonics: int) -> tuple[FaultSeries, ...]:
     for number, part in enumerate(_listed(parts)):
         for prefix, _, line in lines_of(part, number):
             orders = line.strikes * np.arange(1, harmonics + 1) * line.order
-            more = line.slips, line.kind, line.sidebands, line.strikes
+            # Stated orders 1 and 2 are those of the shaft itself.
+            slips = line.slips and not (line.kind == "given" and line.order in (1.0, 2.0))
+            more = slips, line.kind, line.sidebands, line.strikes
             found.append(FaultSeries(prefix + line.name, tuple(orders.tolist()), *more))
     check_distinct([fault.name for fault in found])
     return tuple(found)

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from emacm._checks import located
+from emacm.envelopes.envelope_detector import EnvelopeDetector
 from emacm.findings.quality import check_channel
 from emacm.machine.bearing_recipe import bearing_recipe
 from emacm.machine.fault_lines import FaultLines, LineLevels, resolved
-from emacm.machine.fault_orders import FaultSeries, fault_series
+from emacm.machine.fault_orders import FaultSeries, fault_series, gears_and_orders
+from emacm.machine.plain_lines import PlainLines, measure_plain_lines
 from emacm.orders.columns import column_names
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.inputs import as_recordings, check_channel_names, described
@@ -61,6 +63,11 @@ class Fault(NamedTuple):
     def excess(self) -> float:
         """Score above that of healthy recordings [dB]."""
         return self.score - self.healthy
+
+    @property
+    def is_of_shaft(self) -> bool:
+        """Whether it is a stated order 1 or 2: the shaft itself, which has no impacts."""
+        return self.series.kind == "given" and not self.series.slips
 
     @property
     def is_single(self) -> bool:
@@ -200,6 +207,11 @@ class Measured(NamedTuple):
         Speed [1/min] and sampling rate [Hz]; NaN for a table.
     defect : str
         Why nothing can be found in it, or "".
+    plain : PlainLines or None
+        Lines of the signal itself; None for a table.
+    bands : callable
+        Returns the spectra of the envelope in each of four bands, without prewhitening: of
+        segments of 25 and of 100 revolutions. None of a table.
     """
 
     number: int
@@ -210,6 +222,8 @@ class Measured(NamedTuple):
     rpm: float = np.nan
     fs: float = np.nan
     defect: str = ""
+    plain: PlainLines | None = None
+    bands: Callable[[], list[tuple[Spectrum, Spectrum]]] = list
 
     @property
     def is_shifted(self) -> bool:
@@ -222,6 +236,21 @@ class Measured(NamedTuple):
         if self.defect or self.shift == 0 or self.is_shifted:
             return ""
         return f" (speed corrected to {self.rpm:.0f} rpm by the harmonics of the shaft)"
+
+    def speed_text(self, fault: Fault | None) -> str:
+        """State the speed or geometry that fits the lines of a fault, or those of the shaft."""
+        factor = 1 + (self.shift if fault is None else fault.slip)
+        text = f"harmonics of the shaft are at {factor:.3f} and multiples of it"
+        if fault is not None:
+            order, side = fault.series.orders[0], "above" if fault.slip > 0 else "below"
+            text = (
+                f"lines at {order * factor:.3f} and multiples of it are like those of "
+                f"{fault.name}, but {100 * abs(fault.slip):.1f} % {side} {order:.3f}"
+            )
+        if np.isnan(self.rpm):
+            return f"{text}. Correct the speed or the geometry, or raise slip."
+        question = f"is the speed {self.rpm * factor:.0f} rpm, or the sampling rate wrong?"
+        return f"{text}: {question} Otherwise correct the geometry, or raise slip."
 
 
 def measured_spectra(X: Any, levels: FaultLines) -> Iterator[Measured]:
@@ -270,11 +299,41 @@ def _of_recording(number: int, stated: Recording, levels: FaultLines) -> Iterato
     paths = recording.paths()
     speed = sum(path.length for path in paths) / sum(path.n_times for path in paths)
     rpm = speed * recording.shaft_fs * 30 / np.pi
+    plain = measure_plain_lines(recording, levels, int(_longest_stroke(recording)))
     for channel in by_length[0]:
         mean = float(np.mean(envelope[0].signals[channel]))
         spectrum, *finer = (spectra[channel][0]._replace(mean=mean) for spectra in by_length)
         measured = Measured(number, channel, spectrum, finer, shift, rpm, recording.fs[channel])
-        yield measured._replace(defect=_defect(recording, channel))
+        yield measured._replace(
+            defect=_defect(recording, channel),
+            plain=plain[channel],
+            bands=cache(partial(_in_bands, recording, channel, levels)),
+        )
+
+
+def _in_bands(
+    recording: Recording, channel: str, levels: FaultLines
+) -> list[tuple[Spectrum, Spectrum]]:
+    """Return the spectra of the envelope of a channel in four bands, without prewhitening.
+
+    The bands are octaves, the highest one up to 15/32 of the sampling rate.
+    """
+    options: dict[str, Any] = {"harmonics": levels.harmonics, "slip": levels.slip}
+    options["channels"] = [channel]
+    _, _, resampler, psd, lines = bearing_recipe(levels.parts, **options).named_steps.values()
+    found = []
+    for low, high in ((1, 2), (2, 4), (4, 8), (8, 15)):
+        band = tuple(recording.fs[channel] / 32 * np.array([low, high]))
+        detector = EnvelopeDetector(band, channels=[channel], squared=False)
+        envelope = detector.fit_transform([recording])
+        over_angle = resampler.fit_transform(envelope)
+        mean = float(np.mean(envelope[0].signals[channel]))
+        (coarse,), (fine,) = (
+            _spectra(_order_spectra(over_angle, recording, length, psd.max_order), lines)[channel]
+            for length in (25, 100)
+        )
+        found.append((coarse._replace(mean=mean), fine._replace(mean=mean)))
+    return found
 
 
 def _check_lines_are_inside(recording: Recording, top: float, channels: Any) -> None:
@@ -330,6 +389,11 @@ def _shift_of_shaft(table: Any, top: float, levels: FaultLines) -> float:
         return 0.0
     n_shifts = round(20 * widest / rounded)
     shifts = widest / n_shifts * np.arange(-n_shifts, n_shifts + 1)
+    # Harmonics of a slower shaft of a gear are no harmonics of this shaft at another speed.
+    turns = [line.order for gear in gears_and_orders(levels.parts)[0] for line in gear.lines()[1:3]]
+    slower = np.array([turn for turn in turns if turn < 1 - widest])
+    multiples = (1 + shifts)[:, np.newaxis] / slower
+    of_gear = (np.abs(multiples - np.rint(multiples)) * slower < 2 * rounded).any(axis=1)
     places = np.outer(1 + shifts, np.arange(1.0, n_lines + 1))
     shaft = FaultLines({"shaft": 1.0}, harmonics=1, channels=levels.channels)
     shown = []
@@ -338,7 +402,8 @@ def _shift_of_shaft(table: Any, top: float, levels: FaultLines) -> float:
         means = np.interp(places, spectrum.lines.orders, heights).mean(axis=1)
         highest, shift = -np.inf, 0.0
         for reach in (rounded, levels.slip, widest):
-            best = np.where(np.abs(shifts) <= reach, means, -np.inf).argmax()
+            likely = (np.abs(shifts) <= reach) & ((np.abs(shifts) <= rounded) | ~of_gear)
+            best = np.where(likely, means, -np.inf).argmax()
             if means[best] >= highest + 6.0:
                 highest, shift = means[best], shifts[best]
         if highest >= 10.0:

@@ -10,10 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from emacm._checks import check_count, check_number, located
+from emacm._checks import check_count, check_number
 from emacm.machine.fault_lines import FaultLines
 from emacm.machine.fault_orders import Parts, fault_series, only_damage
 from emacm.machine.fault_spectra import Fault, Measured, measured_spectra
+from emacm.machine.healthy_scores import HealthyScores, healthy_scores
+from emacm.machine.plain_lines import rises
 from emacm.recordings.inputs import check_channel_names, entry_name
 
 NONE, NOT_ASSESSED = "none", "not assessed"
@@ -36,11 +38,15 @@ class NamingSettings:
     depth : float
         Depth of modulation from which on it is named without healthy recordings: amplitude of the
         lines over the mean of the envelope.
+    periodic : float
+        Score in the envelope of a band, without prewhitening, from which on impacts that repeat
+        exactly are named [dB].
     """
 
     suspected: float = 3.0
     named: float = 6.0
     depth: float = 0.04
+    periodic: float = 12.0
 
 
 class FaultTable(pd.DataFrame):
@@ -80,7 +86,8 @@ def find_faults(
         for bearings those of the envelope.
     parts : part, or sequence of parts
         `Bearing`, `Gear` and so on, or mappings of fault names to orders. Lines that undamaged
-        parts have too, of the mesh, the shafts and the supply, are not looked for.
+        parts have too, of the mesh, the shafts and the supply, are not looked for, but compared
+        with `healthy`.
     harmonics : int
         Number of lines of each fault.
     slip : float
@@ -93,6 +100,7 @@ def find_faults(
     healthy : list of Recording, or table, or result of `healthy_scores`, optional
         The same machine without faults, measured in the same way. Healthy machines have lines
         too: a fault is then named if it is 3 dB above its highest healthy score, whatever it is.
+        A fault of a gear needs them. "load" of the recordings' `meta` is used where it is stated.
     settings : NamingSettings
         Limits from which on a fault is suspected and named.
 
@@ -104,7 +112,8 @@ def find_faults(
 
         - "recording" (number in X), "channel",
         - "named": name of the fault, or several joined by " + ", the strongest first; "none"; or
-          "not assessed", with the reason in "explanation",
+          "not assessed", with the reason in "explanation"; with `healthy` also "pinion or wheel",
+          "1x" and "2x",
         - "suspected": in the same form, lines that healthy machines may also have at this level,
           or that another speed or geometry would explain; "none" if a fault is named,
         - the name of each fault: its score [dB], the mean level of its lines above the local
@@ -139,7 +148,24 @@ def find_faults(
     it says nothing about other sources of lines.
 
     The lines of a fault of a gear are those of its shaft, which healthy machines have too: without
-    `healthy` it is at most suspected, and beside a fault of rolling elements it is not looked for.
+    `healthy` it is neither named nor suspected. With it, where the envelope shows no fault:
+
+    - The sidebands of the mesh at the turns of pinion and wheel, in the order spectrum of the
+      signal itself, are compared with at least three healthy recordings of the nearest speed and
+      load. Sidebands beside one harmonic of the mesh that are 3 dB above the highest of these, in
+      level and relative to the median of the spectrum, name the gear; "pinion or wheel" if those of
+      the other one rose too, within 6 dB of it. The mesh itself may have risen alike: another load
+      or assembly has the same effect. On a gear rig (32:80, one assembly each), 5 of 5 recordings
+      with a broken tooth are found and 0 of 5 healthy ones, each left out of its own baseline.
+    - 1x, 2x and orders of a mapping are named if their lines in that spectrum are 6 dB above. The
+      orders 1 and 2 of a mapping are the shaft itself, and named by nothing else.
+    - If no healthy speed is within 5 %, both are only suspected.
+
+    Impacts that repeat exactly, as in simulations without slip or of a tooth, are removed by
+    prewhitening. Where nothing else is named, the envelopes of four fixed bands (octaves, up to
+    15/32 of the sampling rate) are searched without prewhitening: a fault is named from a score of
+    12 dB on, if all of its lines are at least 10 dB high and no other fault is within 3 dB.
+    Weaker impacts of this kind are not seen.
 
     If the strongest fault is rejected, no other one is named. A further fault is named by lines
     that those before it do not explain, in a spectrum of up to 100 or 50 revolutions: harmonics of
@@ -217,7 +243,7 @@ def find_faults(
             _check_rate(X, measured, usual.fs)
         case = _Case(measured, usual, false_alarm, settings)
         # The first rule that answers decides.
-        rules = _defect, _highest_score, _wrong_speed, _named, _suspected
+        rules = (_defect, _highest_score, _wrong_speed, _named, _periodic, _risen, _suspected)
         finding = next(filter(None, (rule(case) for rule in rules)))
         row = {"recording": measured.number, "channel": measured.channel}
         row |= {"named": finding.named, "suspected": finding.suspected}
@@ -228,57 +254,6 @@ def find_faults(
     names = [fault.name for fault in series]
     head = ["recording", "channel", "named", "suspected", *names, *(f"p({n})" for n in names)]
     return FaultTable(rows, columns=[*head, "slip", "calibrated", "explanation"])
-
-
-class HealthyScores(NamedTuple):
-    """Highest score of each fault in healthy recordings, not below 0 dB, of one channel.
-
-    Attributes
-    ----------
-    fs : float
-        Sampling rate [Hz]; NaN for a table.
-    within_slip, other_speeds : dict of str to float
-        Score at the stated speed, and within the largest error of it [dB].
-    """
-
-    fs: float
-    within_slip: dict[str, float]
-    other_speeds: dict[str, float]
-
-
-def healthy_scores(
-    healthy: Any,
-    parts: Any,
-    *,
-    harmonics: int = 3,
-    slip: float = 0.02,
-    channels: Sequence[str] | None = None,
-) -> dict[str, HealthyScores]:
-    """Return the highest score of each fault in healthy recordings, not below 0 dB, by channel.
-
-    `find_faults` takes the result as `healthy`, so that many recordings can be judged one by one.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As `find_faults`; also if the harmonics of the shaft show that a speed is wrong.
-    """
-    by_channel: dict[str, HealthyScores] = {}
-    parts = only_damage(parts)
-    levels = FaultLines(parts, harmonics=harmonics, slip=slip, channels=channels)
-    with located("healthy"):
-        for measured in measured_spectra(healthy, levels):
-            if measured.is_shifted:
-                name = entry_name(healthy, measured.number)
-                raise ValueError(f"{name}: {_speed_text(measured, None)}")
-            own = by_channel.setdefault(measured.channel, HealthyScores(measured.fs, {}, {}))
-            spectrum = measured.spectrum
-            for scores, faults in (
-                (own.within_slip, spectrum.faults()),
-                (own.other_speeds, spectrum.faults_at_other_speeds()),
-            ):
-                scores |= {f.name: max(f.score, scores.get(f.name, 0.0)) for f in faults}
-    return by_channel
 
 
 class _Finding(NamedTuple):
@@ -320,15 +295,24 @@ class _Case:
     def raised(self) -> list[Fault]:
         """Those that healthy recordings do not have, or all of them."""
         least = -np.inf if self.healthy is None else self.settings.suspected
-        return [fault for fault in self.faults if fault.excess >= least]
+        return [f for f in self.faults if f.excess >= least and not f.is_of_shaft]
 
     @cached_property
     def best(self) -> Fault:
         """The only one that may be named first."""
-        possible = [f for f in self.faults if not f.modulated(self.raised)] or self.faults
+        faults = [fault for fault in self.faults if not fault.is_of_shaft] or self.faults
+        possible = [fault for fault in faults if not fault.modulated(self.raised)] or faults
         if self.healthy is None:  # shafts have lines in any case
             possible = [fault for fault in possible if fault.series.slips] or possible
         return max(possible, key=lambda fault: fault.excess)
+
+    @cached_property
+    def risen(self) -> tuple[pd.DataFrame, float]:
+        """Rises of the lines of the signal itself above healthy recordings, and their speed."""
+        plain = self.measured.plain
+        if plain is None or self.healthy is None or not self.healthy.plain:
+            return pd.DataFrame(), np.nan
+        return rises(plain, self.healthy.plain)
 
     @cached_property
     def at_other_speed(self) -> Fault | None:
@@ -345,6 +329,8 @@ class _Case:
 
     def below_limits(self, fault: Fault) -> str:
         """Return which limit a fault does not reach, or ""."""
+        if fault.is_of_shaft:
+            return "; in the envelope, the shaft itself is no fault"
         calibrated = self.healthy is not None
         limit = self.settings.suspected if calibrated else self.settings.named
         if not self.is_significant(fault):
@@ -357,9 +343,7 @@ class _Case:
         if fault.is_single:
             return "; a single line is a modulation, impacts have harmonics"
         if not calibrated and not fault.series.slips:
-            return (
-                "; shafts of healthy machines have such lines too: healthy recordings would decide"
-            )
+            return "; shafts of healthy machines have such lines too"
         if not calibrated and fault.depth < self.settings.depth:
             return (
                 f"; they modulate the envelope by {100 * fault.depth:.1f} %, as those of healthy "
@@ -373,6 +357,12 @@ class _Case:
         if not reason and self.measured.finer[0].has_other_source(fault):
             return "; the lines between them are as high, as with impacts of another source"
         return reason
+
+    def name_of(self, fault: Fault) -> str:
+        """Return the name of a fault; of gears with the same lines, the names of all."""
+        orders = fault.series.orders
+        same = [f.name for f in self.faults if f.series.orders == orders and not f.is_of_shaft]
+        return fault.name if fault.series.slips else " or ".join(same)
 
     def is_significant(self, fault: Fault) -> bool:
         """Return whether background alone hardly reaches the score of a fault."""
@@ -409,7 +399,7 @@ def _wrong_speed(case: _Case) -> _Finding | None:
         is_clear = best.excess >= case.settings.named and not case.below_limits(best)
         if fault.excess < best.excess + (6.0 if is_clear else 3.0):
             return None
-    text = _speed_text(measured, None if measured.is_shifted else fault)
+    text = measured.speed_text(None if measured.is_shifted else fault)
     suspected = NONE if fault is None else fault.name
     return _Finding(NOT_ASSESSED, suspected, fault or best, f"not assessed: {text}")
 
@@ -422,7 +412,7 @@ def _named(case: _Case) -> _Finding | None:
     while fault := _further_fault(case, [fault.name for fault in named]):
         named.append(fault)
     text = "; ".join(_sentence(fault, case.faults) for fault in named)
-    return _Finding(" + ".join(fault.name for fault in named), NONE, case.best, text)
+    return _Finding(" + ".join(map(case.name_of, named)), NONE, case.best, text)
 
 
 def _further_fault(case: _Case, named: Sequence[str]) -> Fault | None:
@@ -445,6 +435,83 @@ def _further_fault(case: _Case, named: Sequence[str]) -> Fault | None:
     return None
 
 
+def _periodic(case: _Case) -> _Finding | None:
+    """Name a fault by impacts that repeat exactly, which prewhitening removes as it does a tone.
+
+    Such impacts are short: all of their lines are high. In the recordings of the drive end and of
+    MFPT of which nothing is named, a wrong fault has at most 10.6 dB.
+    """
+    usual = case.healthy and case.healthy.in_bands
+    found = [
+        (fault, fine, faults)
+        for coarse, fine in case.measured.bands()
+        for faults in [_compared(coarse.faults(), usual)]
+        for fault in faults
+        if (fault.series.slips or case.healthy is not None) and not fault.is_of_shaft
+    ]
+    if not found:
+        return None
+    best, fine, faults = max(found, key=lambda each: each[0].excess)
+    same = best.series.orders
+    others = [fault.excess for fault, *_ in found if fault.series.orders != same]
+    if (
+        best.score < max(case.settings.periodic, case.settings.named)
+        or best.excess < max([case.settings.suspected, *(other + 3.0 for other in others)])
+        or min(best.heights) < 10.0
+        or best.depth < case.settings.depth
+        or not case.is_significant(best)
+        or best.modulated(faults)
+        or fine.has_other_source(best)
+    ):
+        return None
+    text = f"{_sentence(best, case.faults)}, by impacts that repeat exactly (not prewhitened)"
+    return _Finding(case.name_of(best), NONE, best, text)
+
+
+def _risen(case: _Case) -> _Finding | None:
+    """Name gears by the sidebands of their mesh, or else orders, that rose above healthy ones.
+
+    Sidebands of noise alone are 1 to 3 dB high, and its highest line within a slip is 6 to 7 dB.
+    """
+    table, speed = case.risen
+    if table.empty:
+        return None
+    is_gear, settings = table["mesh"].notna(), case.settings
+    least = np.where(is_gear, settings.suspected, settings.named)
+    is_high = table["height"] >= np.where(is_gear, 5.0, 10.0)
+    shown = table[is_high & (table["rise"] >= least)].sort_values("rise", ascending=False)
+    if shown.empty:
+        return None
+    gears = shown[shown["mesh"].notna()]
+    if gears.empty:
+        names = [name for _, name, _ in shown.index]
+        found = " + ".join(names)
+        causes = {"1x": "imbalance or a bent shaft", "2x": "misalignment or looseness"}
+        told = [
+            (f"{name} is", rise, f": {causes[name]}" if name in causes else "")
+            for name, rise in zip(names, shown["rise"], strict=True)
+        ]
+    else:
+        (pair, _, harmonic), row = gears.index[0], gears.iloc[0]
+        by_gear = table["rise"].loc[pair].groupby(level="name", sort=False).max()
+        # The sidebands of a gear may be those of the other one, and both change with the mesh.
+        names = by_gear.index[by_gear > by_gear.max() - settings.named].tolist()
+        found, mesh = " or ".join(names), f" (the mesh itself: {row['mesh']:+.0f} dB)"
+        told = [(f"sidebands of {found} at {harmonic}x mesh are", row["rise"], mesh)]
+    plain, rpm, near = case.measured.plain, case.measured.rpm, speed * 30 / np.pi
+    nearest = "speed" if plain is None or plain.load is None else "speed and load"
+    text = "; ".join(
+        f"{what} {rise:.0f} dB above the healthy recordings of the nearest {nearest}, in the order "
+        f"spectrum{cause}"
+        for what, rise, cause in told
+    )
+    fault = next((fault for fault in case.faults if fault.name in names), case.best)
+    if abs(near / rpm - 1) < 0.05:  # at other speeds, other lines meet the resonances
+        return _Finding(found, NONE, fault, text)
+    far = f"none of them runs at {rpm:.0f} rpm, the nearest at {near:.0f} rpm"
+    return _Finding(NONE, found, fault, f"{found} is suspected: {text}; {far}")
+
+
 def _suspected(case: _Case) -> _Finding:
     """Suspect faults by lines that healthy machines may also have, or find none."""
     likely = [
@@ -459,11 +526,28 @@ def _suspected(case: _Case) -> _Finding:
     shown = max(likely or [case.best], key=lambda fault: fault.score)
     reason = case.rejection(shown) if shown is case.best else case.below_limits(shown)
     causes = shown.modulated(case.faults) or [shown]
+    if case.healthy is None and not all(fault.series.slips for fault in causes):
+        likely = []
     suspected = " + ".join(fault.name for fault in causes) if likely else NONE
     text = f"{suspected} is suspected: {_sentence(shown, case.faults)}{reason}"
     if not likely:
         text = f"no fault: highest {_sentence(shown, case.faults, named=False)}{reason}"
-    return _Finding(NONE, suspected, shown, text)
+    return _Finding(NONE, suspected, shown, text + _not_compared(case))
+
+
+def _not_compared(case: _Case) -> str:
+    """State what only a comparison with healthy recordings would show, or ""."""
+    text = ""
+    if case.measured.plain is not None:
+        own = case.measured.plain.levels.loc[-1:-1].reset_index().set_index("name")["height"]
+        for name in own.index[own >= 10.0].intersection([fault.name for fault in case.faults]):
+            text += f"; in the order spectrum {name} is {own[name]:.0f} dB above the background"
+            text += ", which healthy recordings would judge" if case.healthy is None else ""
+    kinds = {fault.series.kind for fault in case.faults if not fault.series.slips} - {"given"}
+    if case.healthy is None and kinds:
+        only_bars = kinds == {"broken bar or end ring"}
+        text += f"; {'a rotor' if only_bars else 'a gear'} needs healthy recordings"
+    return text
 
 
 def _check_rate(X: Any, measured: Measured, fs: float) -> None:
@@ -476,22 +560,6 @@ def _check_rate(X: Any, measured: Measured, fs: float) -> None:
         )
 
 
-def _speed_text(measured: Measured, fault: Fault | None) -> str:
-    """State the speed or geometry that fits the lines of a fault, or else those of the shaft."""
-    factor = 1 + (measured.shift if fault is None else fault.slip)
-    text = f"harmonics of the shaft are at {factor:.3f} and multiples of it"
-    if fault is not None:
-        order, side = fault.series.orders[0], "above" if fault.slip > 0 else "below"
-        text = (
-            f"lines at {order * factor:.3f} and multiples of it are like those of "
-            f"{fault.name}, but {100 * abs(fault.slip):.1f} % {side} {order:.3f}"
-        )
-    if np.isnan(measured.rpm):
-        return f"{text}. Correct the speed or the geometry, or raise slip."
-    question = f"is the speed {measured.rpm * factor:.0f} rpm, or the sampling rate wrong?"
-    return f"{text}: {question} Otherwise correct the geometry, or raise slip."
-
-
 def _sentence(fault: Fault, faults: Sequence[Fault], *, named: bool = True) -> str:
     """Describe the lines of a fault; if it is not named, after "highest"."""
     name, (*others, last) = fault.name, [f"{height:z.0f}" for height in fault.heights]
@@ -501,7 +569,7 @@ def _sentence(fault: Fault, faults: Sequence[Fault], *, named: bool = True) -> s
     lines, verb = (f"{which} and its harmonics", "are") if others else (which, "is")
     beside = f", with {' and '.join(fault.sides)} sidebands" if fault.sides else ""
     heights = f"{', '.join(others)} and {last}" if others else last
-    level = f"{heights} dB above the local background{beside}"
+    level = f"{heights} dB above the local background of the envelope spectrum{beside}"
     kind = "" if fault.series.kind in ("given", name) else fault.series.kind
     if not named:
         return f"{verb} {lines}{f' ({kind})' if kind else ''}, {level}"

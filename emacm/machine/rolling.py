@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
+from functools import cache
 from math import asin, atan, cos, pi, radians
+from pathlib import Path
+
+import pandas as pd
 
 from emacm._checks import check_choice, check_count, check_number
 from emacm.machine.parts import Line, Part, check_mounting
@@ -235,18 +240,45 @@ def _check_fit(part: Bearing | BallScrew, n_balls: float, lead_angle: float = 0.
         )
 
 
-# Number of rolling elements, their diameter, pitch diameter (one unit of length), contact angle
-# [degrees]; as published with the recordings of public test rigs. The geometry of a designation
-# differs by some percent between makers.
-_PUBLISHED = {
-    "6203": (8, 6.746, 28.499, 0.0),  # CWRU, fan end
-    "6205": (9, 7.94, 39.04, 0.0),  # CWRU, drive end
-    "UC204": (8, 7.938, 33.5, 0.0),  # UESTC, from its lines
-    "UER204": (8, 7.92, 34.55, 0.0),  # XJTU-SY
-    "6804": (13, 3.5, 25.6, 0.0),  # PRONOSTIA
-    "ZA-2115": (16, 0.331, 2.815, 15.17),  # IMS
-    "NICE": (8, 0.235, 1.245, 0.0),  # MFPT
-}
+@cache
+def published_bearings() -> pd.DataFrame:
+    """Return the bearings of which the geometry is published, by designation.
+
+    Returns
+    -------
+    DataFrame
+        "n_balls" (of one row), "ball_diameter" and "pitch_diameter" (in one unit, or relative to
+        the pitch diameter), "contact_angle_deg" [degrees] and "source".
+
+    Notes
+    -----
+    Where the source gives orders, as the table of Timken for ball bearings by the size of their
+    outer ring does, the ratio of both diameters is derived from them; all published orders of the
+    bearings listed agree with it. Two sizes of that table are left out: 305K contradicts itself,
+    306K repeats 304K.
+
+    Examples
+    --------
+    >>> published_bearings().loc["6205", "source"]
+    'CWRU test rig, drive end'
+    """
+    return pd.read_csv(Path(__file__).with_name("bearings.csv"), index_col="designation")
+
+
+def designation_in(text: str) -> str | None:
+    """Return the designation of a published bearing in a text, without maker, suffix and blanks.
+
+    Examples
+    --------
+    >>> designation_in("SKF 6205-2RS C3"), designation_in("62052rs"), designation_in("7205 B")
+    ('6205', '6205', None)
+    """
+    plain = re.sub(r"[\s/-]", "", text).upper()
+    for name in sorted(published_bearings().index, key=len, reverse=True):
+        # A digit may follow only as that of seals: 2RS, 2Z.
+        if re.match(rf"[A-Z]*?{name.replace('-', '')}(?!\d(?![RZ]))", plain):
+            return str(name)
+    return None
 
 
 def bearing_of(text: str) -> Bearing:
@@ -255,8 +287,8 @@ def bearing_of(text: str) -> Bearing:
     Parameters
     ----------
     text : str
-        A designation of a small table, or the number of balls, ball diameter, pitch diameter, and
-        contact angle [degrees], 0 if it is left out.
+        A designation of `published_bearings`, with or without maker and suffix, or the number of
+        balls, ball diameter, pitch diameter, and contact angle [degrees], 0 if it is left out.
 
     Returns
     -------
@@ -267,20 +299,31 @@ def bearing_of(text: str) -> Bearing:
     ValueError
         If it is neither; the message lists the designations.
 
+    Notes
+    -----
+    Bearings of one designation have the same outer dimensions, but the geometry inside is that of
+    the maker: with the same number of balls, the orders differ by some tenths of a percent (6205:
+    BPFO 3.585 on the CWRU test rig, 3.574 of Timken), which a slip of 2 % covers; with another
+    number, they are others, and the numbers of the maker must be given.
+
     Examples
     --------
-    >>> bearing_of("6205") == bearing_of("9,7.94,39.04")
+    >>> bearing_of("SKF 6205-2RS C3") == bearing_of("9,7.94,39.04")
     True
     """
+    known, name = published_bearings(), designation_in(text)
     try:
-        numbers = _PUBLISHED.get(text.upper()) or tuple(map(float, text.split(",")))
+        if name is not None:
+            numbers = [float(known.at[name, column]) for column in known.columns[:4]]
+        else:
+            numbers = [float(number) for number in text.split(",")]
         n_balls, ball, pitch, *angle = numbers
         (degrees_,) = angle or (0.0,)
         if n_balls != int(n_balls):
             raise ValueError
     except ValueError:
         raise ValueError(
-            f"the bearing must be one of {', '.join(_PUBLISHED)}, or as in 9,7.94,39.04 (balls, "
+            f"the bearing must be one of {', '.join(known.index)}, or as in 9,7.94,39.04 (balls, "
             f"ball diameter, pitch diameter, and contact angle in degrees); got {text!r}."
         ) from None
     return Bearing(int(n_balls), ball, pitch, radians(degrees_))

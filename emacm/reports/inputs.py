@@ -5,14 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from contextlib import suppress
+from dataclasses import asdict
 from inspect import signature
+from math import degrees, radians
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from emacm._checks import located
+from emacm._checks import check_number, located
 from emacm.files.folder import open_recording
 from emacm.files.layout import Layout, read_toml
 from emacm.files.sample_times import stated_date
@@ -20,7 +22,7 @@ from emacm.history.sqlite_history import History, is_history
 from emacm.machine.gears import Gear, PlanetaryGear
 from emacm.machine.motors import InductionMotor, Motor
 from emacm.machine.parts import Part
-from emacm.machine.rolling import BallScrew, Bearing
+from emacm.machine.rolling import BallScrew, Bearing, bearing_of
 
 _PARTS = (Bearing, BallScrew, Gear, PlanetaryGear, Motor, InductionMotor)
 
@@ -58,8 +60,9 @@ def read_parts(path: Path) -> list[Any]:
     Parameters
     ----------
     path : Path
-        Tables ``[[Bearing]]``, ``[[Gear]]`` and so on with the parameters of these classes; and
-        ``[orders]`` with orders by name.
+        Tables ``[[Bearing]]``, ``[[Gear]]`` and so on with the parameters of these classes, the
+        contact angle as ``contact_angle_deg``, and ``designation = "6205"`` for the geometry of a
+        published bearing; and ``[orders]`` with orders by name.
 
     Returns
     -------
@@ -84,13 +87,25 @@ def read_parts(path: Path) -> list[Any]:
                     f"it has a table {name!r}; possible are 'orders', [[Bearing]] or {list(kinds)}."
                 )
             with located(name):
-                for one in np.ravel(tables):
-                    known = signature(kinds[name]).parameters
+                for one in map(dict, np.ravel(tables)):
+                    # Angles are in degrees outside of Python.
+                    known = {
+                        "contact_angle_deg" if key == "contact_angle" else key: each
+                        for key, each in signature(kinds[name]).parameters.items()
+                    }
+                    if name == "Bearing" and (designation := one.pop("designation", None)):
+                        published = asdict(bearing_of(str(designation)))
+                        angle = degrees(published.pop("contact_angle"))
+                        one = published | {"contact_angle_deg": angle} | one
                     if unknown := [key for key in one if key not in known]:
                         raise ValueError(f"{unknown[0]!r} is not known; possible are {[*known]}.")
                     needed = [key for key, each in known.items() if each.default is each.empty]
                     if missing := [key for key in needed if key not in one]:
                         raise ValueError(f"{missing[0]!r} is missing; needed are {needed}.")
+                    if (angle := one.pop("contact_angle_deg", None)) is not None:
+                        limits: Any = {"at_least": 0, "below": 90, "unit": "degrees"}
+                        angle = check_number(angle, "contact_angle_deg", **limits)
+                        one["contact_angle"] = radians(angle)
                     parts.append(kinds[name](**one))
         if not parts:
             raise ValueError("it holds no part; write a table such as [[Bearing]].")

@@ -1,0 +1,70 @@
+"""Bearings by their designation, and angles in degrees in files."""
+
+from math import radians
+
+import pytest
+
+from emacm import Bearing
+from emacm.machine.rolling import bearing_of, designation_in, published_bearings
+from emacm.reports.inputs import read_parts
+
+
+@pytest.mark.parametrize(
+    ("text", "designation"),
+    [
+        ("6205", "6205"),
+        ("SKF 6205-2RS C3", "6205"),
+        ("FAG 6308-C-2Z/C3", "6308"),
+        ("62052RS1", "6205"),
+        ("nsk 6208ddu", "6208"),
+        ("uc 204", "UC204"),
+        ("ZA2115", "ZA-2115"),
+        ("16004", None),  # thin section
+        ("63004", None),  # wide
+        ("7205 B", None),  # a contact angle that no source here states
+        ("NU205", None),
+        ("62O5", None),
+    ],
+)
+def test_maker_suffix_and_blanks_are_no_part_of_a_designation(text, designation):
+    assert designation_in(text) == designation
+
+
+def test_each_published_bearing_has_a_source_and_a_geometry_that_fits():
+    table = published_bearings()
+    assert len(table) == 35
+    assert table.index.is_unique
+    assert table["source"].str.len().min() > 8
+    for name in table.index:
+        assert 0.38 > bearing_of(name).ball_diameter / bearing_of(name).pitch_diameter > 0.1
+
+
+def test_makers_differ_by_less_than_the_slip_where_the_number_of_balls_is_the_same():
+    orders = {name: bearing_of(name).lines()[0].order for name in ("6203", "6204", "UC204")}
+    assert orders["6203"] == pytest.approx(3.053, abs=0.001)  # Timken, size 203K
+    assert orders["UC204"] == pytest.approx(orders["6204"], rel=0.001)
+    assert bearing_of("6205").lines()[0].order == pytest.approx(3.574, rel=0.004)  # Timken, 205K
+
+
+def test_an_unknown_designation_lists_the_known_ones_and_the_unit_of_the_angle():
+    with pytest.raises(ValueError, match=r"one of 22228, 6004.*contact angle in degrees.*'7205'"):
+        bearing_of("7205")
+
+
+def test_parts_in_files_have_designations_and_angles_in_degrees(tmp_path):
+    path = tmp_path / "parts.toml"
+    path.write_text(
+        '[[Bearing]]\ndesignation = "SKF 6205-2RS"\nratio = 0.5\nname = "rear"\n'
+        "[[Bearing]]\nn_balls = 16\nball_diameter = 8.4\npitch_diameter = 71.5\n"
+        "contact_angle_deg = 15\n"
+    )
+    first, second = read_parts(path)
+    assert first == Bearing(9, 7.94, 39.04, ratio=0.5, name="rear")
+    assert second == Bearing(16, 8.4, 71.5, radians(15))
+    for text, message in (
+        ("contact_angle_deg = 95", "contact_angle_deg must be"),
+        ("contact_angle = 0.2", "'contact_angle' is not known; possible are .*contact_angle_deg"),
+    ):
+        path.write_text(f'[[Bearing]]\ndesignation = "6205"\n{text}\n')
+        with pytest.raises(ValueError, match=message):
+            read_parts(path)
