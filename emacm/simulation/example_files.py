@@ -88,7 +88,8 @@ def write_example(folder: Path) -> list[Path]:
         What was written: ``run.csv``, ``bearing.mat`` (a defect of the inner ring), ``parts.toml``
         (the bearing), ``live.csv`` (a minute), and the folders ``bench`` (four units of each state,
         three runs each), ``healthy`` (20 runs of each of two units) and ``new`` (later runs of
-        these two, of which the last ones have a fault).
+        these two, without a state in their names; the last of M has a defect of the outer ring,
+        that of N of the inner one).
 
     Raises
     ------
@@ -124,5 +125,5 @@ def _runs(folder: Path) -> Iterator[tuple[Path, str]]:
     for unit, fault in (("M", "outer"), ("N", "inner")):
         for run in range(1, 24):
             state = fault if run == 23 else "healthy"
-            place = folder / ("healthy" if run <= 20 else "new")
-            yield place / f"{unit}_{state}_{run:02d}.csv", state
+            name = f"healthy/{unit}_healthy_{run:02d}.csv" if run <= 20 else f"new/{unit}_{run}.csv"
+            yield folder / name, state
