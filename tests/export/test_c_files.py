@@ -1,7 +1,10 @@
 """Exported models: the C program computes and decides what Python does."""
 
+import re
+import shlex
 import shutil
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -238,3 +241,24 @@ def test_the_command_writes_the_sources_and_prints_their_memory(model, tmp_path,
     header = (tmp_path / "c" / "emacm_model.h").read_text()
     assert "#define EMACM_EVERY 20.0f" in header
     assert "current, torque" in header
+
+
+@compiles
+@pytest.mark.slow
+def test_the_page_prints_what_its_program_prints(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
+    page = (Path(__file__).parents[2] / "notebooks" / "controller.md").read_text(encoding="utf-8")
+    commands = re.search(r"```sh\n(.*?)```", page, re.DOTALL)[1].splitlines()
+    monkeypatch.chdir(tmp_path)
+    assert main(["example", "example"]) == 0
+    monkeypatch.chdir("example")
+    for command in commands[1:-1]:
+        assert main(shlex.split(command)[1:]) == 0
+    monkeypatch.chdir("controller")
+    Path("main.c").write_text(re.search(r"```c\n(.*?)```", page, re.DOTALL)[1])
+    build, check = commands[-1].partition(" && ")[2].split(" && ")
+    build_main, *runs = re.findall(r"^\$ (.*)$", page, re.MULTILINE)
+    for line in (build, check, build_main, *runs):
+        done = subprocess.run(line, shell=True, capture_output=True, text=True, check=True)
+        if done.stdout:
+            assert done.stdout.splitlines()[-1] in page
