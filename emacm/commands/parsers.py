@@ -249,6 +249,7 @@ def _train(command: Add) -> None:
     add("--healthy --healthy-label", str, "LABEL", healthy)
     baseline = "subtract healthy features of each unit or sensor: a field of the layout's meta"
     add("--baseline", str, "FIELD", baseline)
+    add("--json", bool, None, "its model card as JSON on standard output")
     _add_extent(add)
     _add_costs(add)
     add("--note", str, "TEXT", "text that is stored in the model file")
@@ -358,6 +359,7 @@ def _report(command: Add) -> None:
     _add_model(add)
     _add_files(add)
     add("--out", Path, "DIR", "folder, or one .html file", default=Path("report"))
+    add("--json", bool, None, "table as JSON on standard output")
     add("--history", _existing, "FILE", "table of earlier results of emacm score")
     add("--healthy", _existing, "FOLDER", "files of this machine without faults, to compare with")
     _add_costs(add)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -14,6 +15,7 @@ import pandas as pd
 
 from emacm.commands.find import parts_of_options
 from emacm.commands.loaded_model import loaded_model
+from emacm.commands.result_tables import print_json
 from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.history.records import record_of, times_of
@@ -38,9 +40,11 @@ def run(options: argparse.Namespace) -> int:
     paths = recording_files(options.paths, layout, options.pattern)
     reports = FileReports(options, layout, options.out, loaded_model(options, layout))
     history = None if options.history is None else inputs.read_results(options.history)
-    last, failed = reports.write(paths, history)
-    print(f"{len(paths)} reports: {printable(last)}")
-    return 3 if failed else 0
+    last, rows = reports.write(paths, history)
+    print(f"{len(paths)} reports: {printable(last)}", file=sys.stderr if options.json else None)
+    if options.json:
+        print_json(pd.DataFrame(rows))
+    return 3 if any(row["error"] for row in rows) else 0
 
 
 class FileReports:
@@ -74,15 +78,18 @@ class FileReports:
         self._results = options.history if options.command == "report" else options.out
         self._has_fleet = False
 
-    def write(self, paths: Sequence[Path], history: pd.DataFrame | None) -> tuple[Path, bool]:
-        """Write the pages of files; return the last one, and whether a decision is missing."""
+    def write(
+        self, paths: Sequence[Path], history: pd.DataFrame | None
+    ) -> tuple[Path, list[dict[str, Any]]]:
+        """Write the pages of files; return the last one, and their rows."""
         pages = self._pages(paths, history)
         rows = [] if history is None or is_history(self._results) else history.to_dict("records")
-        rows += [{**page.row, "unit": page.unit} for page in pages]
+        made = [{**page.row, "unit": page.unit} for page in pages]
+        rows += made
         self._has_fleet = self._with_fleet(row.get("unit") for row in rows)
         files = self._reports.write(pages, has_fleet=self._has_fleet)
         self.write_fleet(rows)
-        return files[-1], any(page.kind == "error" for page in pages)
+        return files[-1], made
 
     def update(self, rows: pd.DataFrame, at_once: int = 8) -> None:
         """Write the pages of new results, and an index of all.

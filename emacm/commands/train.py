@@ -7,6 +7,7 @@ import re
 import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import nullcontext, redirect_stdout
 from math import floor
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -41,17 +42,27 @@ from emacm.recordings.meta import read_meta
 from emacm.recordings.names import printable
 from emacm.reports.facts import healthy_label
 from emacm.reports.inputs import meta_value
+from emacm.reports.model_cards import describe_model
+from emacm.reports.written_pages import written_record
 from emacm.resampling.order_resampler import OrderResampler
 
 
 def run(options: argparse.Namespace) -> int:
-    """Fit, evaluate and save a model, and print its rates.
+    """Fit, evaluate and save a model, and print its rates, or its card as JSON.
 
     Returns
     -------
     int
         0.
     """
+    with redirect_stdout(sys.stderr) if options.json else nullcontext():
+        _train(options)
+    if options.json:
+        print(written_record(describe_model(options.out), None, as_json=True))
+    return 0
+
+
+def _train(options: argparse.Namespace) -> None:
     layout = Layout.from_toml(options.layout)
     if options.like is None:
         X: Any = RecordingFolder(options.folder, layout, options.pattern)
@@ -94,7 +105,6 @@ def run(options: argparse.Namespace) -> int:
     evidence = training_evidence(evaluation, labels, groups, **stated)
     save_model(model, options.out, note=options.note, healthy=healthy, evidence=evidence)
     print(f"Model: {options.out}")
-    return 0
 
 
 def _alike(labels: Sequence[Any]) -> Iterator[str]:

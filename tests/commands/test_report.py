@@ -1,5 +1,6 @@
 """The command report and the reports of score: pages of files, with actions, parts and history."""
 
+import json
 import os
 import re
 import shutil
@@ -77,13 +78,14 @@ def run(command, *arguments, paths=("new",)):
 REPORT = ("--actions", "actions.toml", "--parts", "parts.toml", "--unit", "unit", "--time", "day")
 
 
-def test_pages_are_decided_by_the_costs_of_the_command(here):
+def test_pages_are_decided_by_the_costs_of_the_command(here, capsys):
     # If the bearing is worn, an inspection costs less than deciding so.
     costs = "decision,healthy,worn\nhealthy,0,9\nworn,4,2\ninspect,1,1\n"
     Path("costs.csv").write_text(costs)
     Path("inspect.toml").write_text('inspect = "Look at the bearing."\n')
     options = ("--cost", "costs.csv", "--actions", "inspect.toml")
-    assert run("report", "--out", "pages", *options) == 0
+    assert run("report", "--out", "pages", "--json", *options) == 0
+    assert json.loads(capsys.readouterr().out)[2]["decision"] == "inspect"
     assert run("score", "--out", "made.csv", "--report", "reports", *options) == 0
     assert pd.read_csv("made.csv")["decision"].tolist() == ["healthy", "healthy", "inspect"]
     for folder in (Path("pages"), Path("reports")):

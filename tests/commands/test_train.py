@@ -1,5 +1,6 @@
 """From files to a table of decisions without writing Python: inspect, train, score."""
 
+import json
 import re
 import shutil
 from pathlib import Path
@@ -142,10 +143,11 @@ def test_the_rates_are_those_of_evaluate(here, capsys):
 
 
 @pytest.mark.slow
-def test_costs_and_priors_of_the_command_are_in_the_saved_model(here):
+def test_costs_and_priors_of_the_command_are_in_the_saved_model(here, capsys):
     Path("cost.csv").write_text(",healthy,worn\nhealthy,0,40\nworn,2,0\ninspect,0.5,0.25\n")
-    options = ("--cost", "cost.csv", "--priors", "healthy=0.8,worn=0.2")
+    options = ("--cost", "cost.csv", "--priors", "healthy=0.8,worn=0.2", "--json")
     assert train("--max-order", "10", "--revolutions", "8", *options) == 0
+    assert json.loads(capsys.readouterr().out)["decisions"][2] == "inspect"
     final = load_model("model.emacm")[-1]
     cost = pd.DataFrame(final.cost_, index=final.decisions_, columns=final.truths_)
     assert cost.loc["healthy", ["healthy", "worn"]].tolist() == [0, 40]
