@@ -150,7 +150,7 @@ def _check_healthy(
         likely = probability.argmax(axis=1)
         # With calibrated probabilities, one in a hundred baselines without a fault is refused.
         is_odd = probability[:, is_healthy].sum(axis=1) < 0.01 / len(own)
-        for k in np.flatnonzero(is_odd):
+        for k in np.flatnonzero(is_odd).tolist():
             raise ValueError(
                 f"{described(recordings[own[k]], own[k])} is not like the other healthy ones of "
                 f"{unit}: relative to them it is most like {labels[likely[k]]!r}. Leave it "
