@@ -194,3 +194,15 @@ def test_a_level_that_drifts_faster_than_the_pulses_come_is_named():
     drift = 1.5 * np.sin(2 * np.pi * 0.8 * np.arange(len(signal)) / 20_000)
     with pytest.raises(ValueError, match=r"drifts by .* high-pass"):
         angle_from_tacho(signal + drift, 20_000)
+
+
+@pytest.mark.parametrize("n_marks", [8, 60])
+def test_a_shaft_that_may_reverse_between_pulses_is_stated(n_marks):
+    turns = 4 * (1 - np.cos(np.pi * TIME))  # to and fro, 4 pi revolutions/s at most
+    passed = np.flatnonzero(np.diff(np.floor(turns * n_marks - 0.3)))
+    with pytest.warns(EmacmWarning, match="pulses do not show the direction") as caught:
+        angle_from_pulses(TIME[passed + 1], 10_000, len(TIME), pulses_per_rev=n_marks)
+    assert [warning.message.statement.kind for warning in caught] == ["reversal"]
+    for motion in TURNS:  # slow at one end only, or by less than a third
+        pulses = pulses_of([1] * n_marks, motion)
+        angle_from_pulses(pulses, 10_000, len(TIME), pulses_per_rev=n_marks)

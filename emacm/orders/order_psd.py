@@ -64,7 +64,8 @@ class OrderPSD(WelchEstimator):
         in the memory of the process, the latest 256 MiB, as long as it has the recordings. A folder
         keeps them for other processes, too, in files ``emacm_spectra/*.npy``, whose names follow
         from the content of the recording and all settings, including those of resampling; any of
-        them may be deleted. False: nowhere. Resampled signals are not kept.
+        them may be deleted. Without it, each process of a search with `n_jobs` estimates all
+        spectra. False: nowhere. Resampled signals are not kept.
     verbose : bool or int
         Report to stderr how many recordings are done, the rate and the time left: by tqdm, if it is
         installed, otherwise by joblib (the higher, the more often).

@@ -174,7 +174,8 @@ class TachoAngle:
     double : ndarray of shape (n_double,)
         Times [s] of the double pulses that were removed.
     statements : tuple of Statement
-        What is to be known: many repairs, jitter, a level that drifts, pulses that are too short.
+        What is to be known: many repairs, jitter, a level that drifts, pulses that are too short,
+        a speed that falls and rises again.
     """
 
     angle: Angle
@@ -236,8 +237,9 @@ def angle_from_pulses(
     Warns
     -----
     EmacmWarning
-        If more than three pulses in a hundred (and three in all) are missing or double, or the
-        intervals scatter so much that these may be overlooked.
+        If more than three pulses in a hundred (and three in all) are missing or double, the
+        intervals scatter so much that these may be overlooked, or the speed falls to a third and
+        rises again, as where the shaft reverses.
 
     See Also
     --------
@@ -274,7 +276,8 @@ def _repaired(times: ArrayLike, fs: float, n_times: int, pulses_per_rev: float) 
     steps = np.diff(places)
     n_missing = found.n_irregular(n_marks) - round(float((steps[steps > 10] - 1).sum()))
     statements = _repair_statements(n_missing, len(pulses) - len(kept), len(pulses))
-    statements += _scatter_statements(np.log(steps / np.diff(kept)))
+    speeds = np.log(steps / np.diff(kept))
+    statements += _scatter_statements(speeds) + _slow_statements(speeds, kept)
     begin, end = (np.diff(kept) / np.diff(places))[[0, -1]]
     _check_gap(kept[0] / begin, f"before the first pulse at {kept[0]:.6g} s")
     _check_gap((instants[-1] - kept[-1]) / end, f"after the last pulse at {kept[-1]:.6g} s")
@@ -320,6 +323,24 @@ def _scatter_statements(logs: Angle) -> tuple[Statement, ...]:
     text = f"the intervals of the tachometer scatter by {100 * scatter:.2g} % from pulse to pulse, "
     text += "so that missing and double pulses may be overlooked: sample faster, or reduce noise"
     return (Statement("jitter", "", text, value=scatter, limit=0.07),)
+
+
+def _slow_statements(speeds: Angle, pulses: Angle) -> tuple[Statement, ...]:
+    """State a speed (its logarithm) that falls to a third and rises again: the shaft may reverse.
+
+    With few pulses per reversal, the shaft seems not to slow down, or pulses to be missing.
+    """
+    before, after = (np.maximum.accumulate(x) for x in (speeds, speeds[::-1]))
+    falls = np.minimum(before, after[::-1]) - speeds
+    place = int(np.argmax(falls))
+    if falls[place] < np.log(3):
+        return ()
+    share = float(np.exp(-falls[place]))
+    text = (
+        f"the speed falls to {share:.0%} at {pulses[place]:.4g} s and rises again: pulses do not "
+    )
+    text += "show the direction, so the angle is wrong if the shaft reverses there"
+    return (Statement("reversal", "", text, value=share, limit=1 / 3),)
 
 
 def _warn(statements: tuple[Statement, ...]) -> None:
