@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
         shown = dict(list(recordings.items())[:8])  # as many as can be told apart
         if len(shown) < len(recordings):
             print(f"The picture shows the first 8 of {len(recordings)} files.", file=sys.stderr)
-        figure = _drawn(shown, options, highest, revolutions)
+        figure = _drawn(shown, table, options, highest, revolutions)
         with written_whole(options.plot) as unfinished:
             figure.savefig(unfinished, dpi=150, format=options.plot.suffix[1:] or "png")
     for name, path in (("Table", options.csv), ("Picture", options.plot)):
@@ -187,6 +187,7 @@ def _print(table: pd.DataFrame, quality: pd.DataFrame) -> None:
 
 def _drawn(
     recordings: dict[str, Recording],
+    table: pd.DataFrame,
     options: argparse.Namespace,
     highest: float,
     revolutions: float,
@@ -212,8 +213,7 @@ def _drawn(
             _draw_hertz_map(first, display, top, panels[1, 0])
     else:
         figure, panels = offscreen_panels(2 if options.hz else 1, height=6.4 if options.hz else 4)
-        table = _spectra(recordings, highest, revolutions, options.min_speed)
-        table = table[table["channel"] == channel]
+        table = table[(table["channel"] == channel) & table["recording"].isin([*recordings])]
         lines = dict(iter(table.groupby("recording", sort=False)))
         values = {name: rows["psd [unit²/order]"].to_numpy() for name, rows in lines.items()}
         orders = next(iter(lines.values()))["order"].to_numpy()

@@ -148,14 +148,8 @@ def actuator_recipe(
     reference = "absolute" if phase else "relative"
     lines = ShaftHarmonics((1,), phase=reference, n_sections=2, min_speed=min_speed, **strokes)
     features = _union(over_angle=over_angle, lines=lines)
-    gaussians = CostSensitiveGaussianBayes(
-        cost,
-        priors=priors,
-        covariance="tied",
-        shrinkage="auto",
-        unknown=unknown,
-        unknown_rate=None if unknown is None else unknown_rate,
-        temperature=temperature,
+    gaussians = _gaussians(
+        cost, priors=priors, unknown=unknown, unknown_rate=unknown_rate, temperature=temperature
     )
     return make_pipeline(features, StandardScaler(), gaussians)
 
@@ -235,14 +229,8 @@ def spectrum_recipe(
     orders = order_levels(max_order, revolutions, min_speed)
     bands = [BandPowers(low=low, high=high), _logarithm()]
     both = _union(orders=make_pipeline(*orders), bands=make_pipeline(*bands))
-    gaussians = CostSensitiveGaussianBayes(
-        cost,
-        priors=priors,
-        covariance="tied",
-        shrinkage="auto",
-        unknown=unknown,
-        unknown_rate=None if unknown is None else unknown_rate,
-        temperature=temperature,
+    gaussians = _gaussians(
+        cost, priors=priors, unknown=unknown, unknown_rate=unknown_rate, temperature=temperature
     )
     steps = {"orders": orders, "bands": bands, "both": [both]}[features]
     return make_pipeline(*steps, gaussians)
@@ -259,6 +247,20 @@ def order_levels(max_order: float, revolutions: float, min_speed: float) -> list
         BinTransformer(max(1.0, 2 / revolutions), max_order=max_order),
         _logarithm(),
     ]
+
+
+def _gaussians(
+    cost: Any, *, unknown: Any, unknown_rate: float | None, **options: Any
+) -> CostSensitiveGaussianBayes:
+    """Return the classifier of the recipes: a Gaussian for each class, with one covariance."""
+    return CostSensitiveGaussianBayes(
+        cost,
+        covariance="tied",
+        shrinkage="auto",
+        unknown=unknown,
+        unknown_rate=None if unknown is None else unknown_rate,
+        **options,
+    )
 
 
 def _logarithm() -> FunctionTransformer:
