@@ -131,6 +131,14 @@ def export_c(
     ratio, ranges = chain.resampler.ratio, chain.resampler.training_range_.ranges
     speed = 1.1 * ranges["fastest"][1] / ratio if max_speed is None else max_speed
     check_number(speed, "max_speed", above=0, unit="rad/s")
+    # As in the range of the training: lower valid orders count from 10 % on.
+    supported = np.pi * fs / ranges["fastest"][1]
+    used = (chain.bins.shape[1] - 1) * chain.psd.order_step_
+    if 1.1 * supported < min(used, ranges["max_order"][0]):
+        raise ValueError(
+            f"fs = {fs:g} Hz holds orders up to {supported:.4g} at the highest speed of the "
+            f"training, but the model uses orders up to {used:.4g}. Raise fs."
+        )
     turns = ranges["revolutions"][0] if every is None else every
     check_number(turns, "every", at_least=0, unit="revolutions")
     stated = {"fs": float(fs), "max_speed": float(speed), "every": float(turns)}

@@ -230,6 +230,12 @@ def test_samples_that_would_have_to_be_far_denser_are_refused(model, tmp_path):
         export_c(model, tmp_path, fs=FS, max_speed=2000)
 
 
+def test_a_rate_that_does_not_hold_the_orders_of_the_model_is_refused(model, tmp_path):
+    speed = model[0].training_range_.ranges["fastest"][1]  # orders up to 20 are used
+    with pytest.raises(ValueError, match=r"orders up to 10 .* uses orders up to 20\. Raise fs"):
+        export_c(model, tmp_path, fs=10 * speed / np.pi)
+
+
 def test_the_command_writes_the_sources_and_prints_their_memory(model, tmp_path, capsys):
     pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
     save_model(model, tmp_path / "model.skops")
