@@ -291,8 +291,12 @@ def test_influxdb_answers_with_the_records_written_as_lines(tmp_path):
             found = json.loads(text_of(f"{url}/query?{urlencode({'q': text, 'db': 'plant'})}"))
             return found["results"][0].get("series", [])
 
-        create = urlencode({"q": "CREATE DATABASE plant"}).encode()
-        urlopen(f"{url}/query", data=create, timeout=10).close()
+        def created():  # it listens before it can create a database
+            create = urlencode({"q": "CREATE DATABASE plant"}).encode()
+            urlopen(f"{url}/query", data=create, timeout=10).close()
+            return answer("SHOW DATABASES")[0].get("values")
+
+        until(lambda: ["plant"] in (created() or []))
         lines = Path(tmp_path / "points.txt").read_bytes()
         with urlopen(f"{url}/write?db=plant", data=lines, timeout=10) as written:
             assert written.status == 204
