@@ -21,7 +21,7 @@ from strokes_under_load import (
 
 from emacm import OrderPSD, OrderResampler, Recording, SignalBaseline
 from emacm.conditions.signal_baseline import GridSignals, mean_sections
-from emacm.orders.store import spectrum_key
+from emacm.orders.order_psd import spectrum_key
 
 
 @pytest.fixture(scope="module")
