@@ -17,6 +17,7 @@ from emacm.calibration.left_out import upper_share
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import parts_of, search_estimator
 from emacm.decisions.risks import canonical_cost
+from emacm.decisions.typicality import distance_scales
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.streams.streamed_models import StreamedModel
 
@@ -120,10 +121,7 @@ class ExportedModel(StreamedModel):
         if known is None:
             return {}
         distances, tail = known.distances, known.combined
-        slopes = np.array((1.0, 0.6, 1.5) if known.used[0] else (0.0, 1.0, 1.0))
-        slopes /= [peaks.mean_excess for peaks in known.peaks]
-        thresholds = np.array([[peaks.threshold] for peaks in known.peaks])
-        levels = (known.levels + thresholds) * slopes[:, np.newaxis] + [[0.0], [0.0], [8.0]]
+        slopes, levels = distance_scales(known.levels, known.peaks, known.used)
         degrees, total = tail.peaks.n_peaks + tail.n_expected, tail.weight_from[0] + 1
         at, mean = upper_share(degrees, tail.share)
         return {

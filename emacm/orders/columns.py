@@ -93,10 +93,9 @@ class OrderTable(BinPowers):
     """A table with one row per recording that keeps the names of its columns.
 
     It differs from a plain float array in one respect: its `columns` attribute (a tuple of names)
-    is kept by pickle, copies and a choice of rows. It is dropped by any other operation (a choice
-    of columns, arithmetic, sorting and shuffling in place), after which the names may be wrong;
-    only the assignment of elements keeps it. `numpy.save` does not keep the names and warns; pickle
-    and joblib keep them.
+    is kept by pickle, copies and a choice of rows, and by changes of elements in place. It is
+    dropped by any other operation (a choice of columns, arithmetic), after which the names may be
+    wrong. `numpy.save` does not keep the names and warns; pickle and joblib keep them.
 
     Parameters
     ----------
@@ -110,8 +109,6 @@ class OrderTable(BinPowers):
     columns : tuple of str or None
         Names of the columns, or None where they are unknown.
     """
-
-    _exchanged: OrderTable | None = None
 
     def __new__(cls, values: Any, columns: Sequence[str]) -> Self:
         """Make a table of `values`, copying them once."""
@@ -139,31 +136,6 @@ class OrderTable(BinPowers):
         if isinstance(chosen, OrderTable) and _chooses_rows(key) and chosen.ndim == self.ndim:
             chosen._names = self._names
         return chosen
-
-    def sort(self, *args: Any, **kwargs: Any) -> None:
-        """Sort in place, and drop the names."""
-        super().sort(*args, **kwargs)
-        self._names = None
-
-    def partition(self, *args: Any, **kwargs: Any) -> None:
-        """Partition in place, and drop the names."""
-        super().partition(*args, **kwargs)
-        self._names = None
-
-    def swapaxes(self, *args: Any) -> Any:
-        """Return a view with two axes exchanged, without names."""
-        view: Any = super().swapaxes(*args)
-        view._exchanged = self
-        return view
-
-    def __setitem__(self, key: Any, value: Any) -> None:
-        """Assign elements; through a view with exchanged axes, the table loses its names.
-
-        `numpy.random.Generator.shuffle` permutes the columns through such a view.
-        """
-        super().__setitem__(key, value)
-        if self._exchanged is not None:
-            self._exchanged._names = None
 
     def copy(self, order: Any = "C") -> OrderTable:
         """Return a copy with the names."""
