@@ -200,32 +200,6 @@ def column_names(X: Any) -> tuple[Any, ...] | None:
     return tuple(columns)
 
 
-def check_input_names(names: Sequence[Any], seen: Any, n_expected: int | None) -> None:
-    """Compare names given to `get_feature_names_out` with those seen in `fit`.
-
-    Parameters
-    ----------
-    names : sequence
-        The names given.
-    seen : sequence or None
-        Names seen in `fit`, if any.
-    n_expected : int or None
-        Expected number of names, if known.
-
-    Raises
-    ------
-    ValueError
-        If the names or their number differ.
-    """
-    if seen is not None and list(names) != list(seen):
-        raise ValueError("input_features is not equal to feature_names_in_.")
-    if n_expected is not None and len(names) != n_expected:
-        raise ValueError(
-            f"input_features should have length equal to what fit saw ({n_expected}), "
-            f"got {len(names)}."
-        )
-
-
 def parse_order_columns(columns: Sequence[Any]) -> tuple[OrderBlock, ...] | None:
     """Parse the order axis from column names.
 
@@ -369,8 +343,14 @@ class NamedColumns(TransformerMixin, SavedEstimator):
         ndarray of str
         """
         check_is_fitted(self)
-        if input_features is not None:
-            check_input_names(input_features, self._names_in, self._n_in)
+        names, n_expected = input_features, self._n_in
+        if names is not None and self._names_in is not None and [*names] != [*self._names_in]:
+            raise ValueError("input_features is not equal to feature_names_in_.")
+        if names is not None and n_expected is not None and len(names) != n_expected:
+            raise ValueError(
+                f"input_features should have length equal to what fit saw ({n_expected}), "
+                f"got {len(names)}."
+            )
         return np.array(self._columns_out, dtype=object)
 
 
