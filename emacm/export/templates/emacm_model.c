@@ -82,21 +82,16 @@ static void line_of(const real *z, uint32_t k, real *re, real *im)
     *im = (a[1] - b[1]) / 2 + COSINE[k] * odd_im - SINE[k] * odd_re;
 }
 
-/* Transform a windowed segment; of the constant 1, what the resampling lacks. */
+/* Transform a windowed segment. */
 static void transform_segment(emacm_state *s, const real *ring, uint32_t start, int row)
 {
-    uint32_t i, k = start % EMACM_RING;
-    real mean = 0, value, *z = s->work;
-    for (i = 0; i < EMACM_SEGMENT; i++, k = k + 1 == EMACM_RING ? 0 : k + 1) {
-        value = row == EMACM_CHANNELS ? 1 - ring[k] : ring[k];
-        z[2 * PLACES[i / 2] + (i & 1)] = value;
-        mean += value;
-    }
+    uint32_t i;
+    real mean = 0, *z = s->work;
+    for (i = 0; i < EMACM_SEGMENT; i++)
+        mean += ring[(start + i) % EMACM_RING];
     mean = DETREND ? mean / EMACM_SEGMENT : row == EMACM_CHANNELS ? 0 : -s->stroke.first[row];
-    for (i = 0; i < EMACM_SEGMENT; i++) {
-        value = z[2 * PLACES[i / 2] + (i & 1)];
-        z[2 * PLACES[i / 2] + (i & 1)] = (value - mean) * WINDOW[i];
-    }
+    for (i = 0; i < EMACM_SEGMENT; i++)
+        z[2 * PLACES[i / 2] + (i & 1)] = (ring[(start + i) % EMACM_RING] - mean) * WINDOW[i];
     transform(z);
 }
 
@@ -116,13 +111,9 @@ static void add_segment(emacm_state *s, int d, emacm_density *b)
                 u[2 * k + 1] = im;
             }
             for (e = BIN_FROM[k]; e < BIN_FROM[k + 1]; e++) {
-                real power = BIN_WEIGHT[e] * (re * re + im * im);
-                if (row == EMACM_CHANNELS) {
-                    b->ones[BIN_OF[e]] += power;
-                } else {
-                    b->power[row][BIN_OF[e]] += power;
+                b->power[row][BIN_OF[e]] += BIN_WEIGHT[e] * (re * re + im * im);
+                if (row < EMACM_CHANNELS)
                     b->cross[row][BIN_OF[e]] += BIN_WEIGHT[e] * (re * u[2 * k] + im * u[2 * k + 1]);
-                }
             }
         }
     }
@@ -140,7 +131,8 @@ static void emit(emacm_state *s, int d, emacm_density *b)
         for (i = 0; i < HALF; i++)
             sum += TAPS[i] * (grid[(base + FIRST + i) & mask] +
                               grid[(base + FIRST + 2 * HALF - i) & mask]);
-        s->ring[d][row][b->done % EMACM_RING] = sum;
+        /* Of the constant 1, what the resampling lacks. */
+        s->ring[d][row][b->done % EMACM_RING] = row == EMACM_CHANNELS ? 1 - sum : sum;
         grid[base & mask] = grid[(base + 1) & mask] = 0;
     }
     b->done++;
@@ -322,7 +314,7 @@ static void end_stroke(emacm_state *s)
     emacm_density *b;
     uint32_t n_angles, i;
     int d, c, kind = EMACM_KINDS > 1 && s->direction < 0;
-    real *e, mean, end, values[EMACM_ROWS];
+    real *e, *ones, mean, end, values[EMACM_ROWS];
     if (!s->direction)
         return;
     s->direction = 0;
@@ -336,6 +328,7 @@ static void end_stroke(emacm_state *s)
     for (d = 0; d < EMACM_DENSITIES - 1 && t->fastest > SPEEDS[d]; d++)
         ;
     b = &t->density[d];
+    ones = b->power[EMACM_CHANNELS];
     e = b->step;
     if (t->n < 4)
         return;
@@ -355,7 +348,7 @@ static void end_stroke(emacm_state *s)
     for (c = 0; c < EMACM_CHANNELS; c++) {
         mean = t->sum[c] / (real)(t->n < MEAN_OF ? t->n : MEAN_OF);
         for (i = 0; i < EMACM_BINS; i++)
-            s->total[c][kind][i] += b->power[c][i] + mean * (2 * b->cross[c][i] + mean * b->ones[i]);
+            s->total[c][kind][i] += b->power[c][i] + mean * (2 * b->cross[c][i] + mean * ones[i]);
     }
     s->count[kind] += b->count;
 }
@@ -526,7 +519,7 @@ ${stages}
         value = UNKNOWN_LIMIT > 0 ? (real)0.5 : evidence(s->typicality);
         if (UNKNOWN_LIMIT > 0 && s->typicality <= UNKNOWN_LIMIT)
             value = (1 + evidence(s->typicality / UNKNOWN_LIMIT) / UNKNOWN_LIMIT) / 2;
-        s->unknown = isinf(value) ? 1 : UNKNOWN_PRIOR * value / (1 - UNKNOWN_PRIOR + UNKNOWN_PRIOR * value);
+        s->unknown = isinf(value) ? 1 : 1 / (1 + (1 - UNKNOWN_PRIOR) / (UNKNOWN_PRIOR * value));
     }
 #endif
     for (k = 0; k < EMACM_CLASSES; k++) {
