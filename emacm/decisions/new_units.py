@@ -205,12 +205,7 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         left = self._calibrated("left_out")
         self._warn_of_shift(X, groups, left.typicality, left.units)
         threshold = probability_threshold(
-            left.log_densities,
-            left.codes,
-            left.units,
-            self.priors_,
-            self.temperature_,
-            coverage,
+            left.log_densities, left.codes, left.units, self.priors_, self.temperature_, coverage
         )
         return classes_above(posterior, threshold)
 

@@ -180,16 +180,6 @@ def test_a_channel_in_two_places_is_refused():
         parse_order_columns(["a@0", "b@0", "a@1"])
 
 
-@pytest.mark.parametrize("logarithm", [np.log, np.log2, np.log10])
-@pytest.mark.parametrize("value", [0.0, -2.0])
-def test_the_logarithm_of_a_dead_channel_names_recording_and_column(logarithm, value):
-    table = OrderTable([[1.0, 2.0], [3.0, 0.5], [4.0, value]], ("torque@0-1", "current@0-1"))
-    message = rf"recording 2, column 'current@0-1', .* is {value:g}\. .* dead, .* check its sensor"
-    with np.errstate(all="ignore"), pytest.raises(ValueError, match=message):
-        logarithm(table)
-    np.testing.assert_array_equal(logarithm(table[:2]), logarithm(np.asarray(table)[:2]))
-
-
 def test_names_must_be_those_of_fit():
     bins = BinTransformer(max_order=0.5).fit(table())
     assert bins.get_feature_names_out(COLUMNS).tolist() == bins.get_feature_names_out().tolist()
