@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 from sklearn.pipeline import Pipeline
+from sklearn.utils.validation import check_is_fitted
 
 from emacm._statements import warn
 from emacm.conditions.feature_baseline import FeatureBaseline, left_out_differences
 from emacm.conditions.healthy import healthy_recordings
-from emacm.decisions.pipelines import groups_options, parts_with_input, search_estimator
+from emacm.decisions.pipelines import groups_options, search_estimator
 from emacm.evaluation.evaluate import evaluate
 from emacm.evaluation.results import Evaluation
 from emacm.machine.fault_orders import Parts
 from emacm.machine.find_faults import find_faults
 from emacm.recordings.inputs import as_list, described
 from emacm.recordings.meta import condition_name, read_meta
-from emacm.resampling.order_resampler import OrderResampler
 
 
 def add_baseline(model: Any, recordings: Any, *, parts: Parts | None = None) -> Any:
@@ -104,6 +104,7 @@ def add_baseline(model: Any, recordings: Any, *, parts: Parts | None = None) -> 
             "the model has no baseline: it must be a Pipeline that begins with a FeatureBaseline. "
             "Train it so (emacm train --baseline)."
         )
+    check_is_fitted(model)
     recordings = as_list(recordings)
     _check_lines(recordings, parts)
     baseline, known = model[0], [*model[0].means_.values()]
@@ -115,8 +116,6 @@ def add_baseline(model: Any, recordings: Any, *, parts: Parts | None = None) -> 
         beyond = _check_healthy(model, recordings, own, known, unit)
         if beyond and parts is None:
             warn("baseline", beyond)
-    for part, X in parts_with_input(baseline, recordings, OrderResampler):
-        part.extend_range(X)
     return model
 
 
