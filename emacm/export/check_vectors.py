@@ -66,6 +66,7 @@ def check_tables(
     decisions = known.classifier.decisions_.tolist()
     n_features = known.classifier.n_features_in_
     return {
+        "N_READINGS": len(readings),
         "N_SAMPLES": np.array(sizes, np.uint32),
         "LEVEL": np.array(levels),
         "SPEED": np.array(speeds),

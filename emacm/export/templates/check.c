@@ -5,8 +5,6 @@
 #include <math.h>
 #include <stdio.h>
 
-enum { N_READINGS = 12 };
-static const emacm_real TOLERANCE = ${tolerance};
 ${check_tables}
 
 int main(void)

@@ -10,14 +10,6 @@ typedef emacm_real real;
 #define SAMPLES(s, q) ((s)->held[(q) % EMACM_HELD])
 #define VELOCITY(s, q) ((s)->velocity[(q) % EMACM_HELD])
 
-enum { MARGIN = ${margin}, FIRST = ${first}, HALF = ${half}, STEP = ${step}, REACH = ${reach} };
-static const int N_RADICES = ${n_radices}, DETREND = ${detrend}, DELAY = ${delay};
-static const uint32_t MEAN_OF = ${mean_of}, MAX_GAP = ${max_gap};
-static const real POINTS = ${points}; /* of the fine grid, for the sum of two velocities */
-static const real LIMIT = ${limit}, LIMIT_REST = ${limit_rest}; /* of the sums of a reading */
-static const real MIN_SPEED = ${min_speed}, MAX_REVERSAL = ${max_reversal};
-static const real LAG = ${lag}, TAIL_RANGE = ${tail_range}, ROUNDING = ${rounding}, TIED = ${tied};
-static const int TURNS[2] = {${turns}}; /* whether forward and reverse strokes are resampled */
 ${tables}
 const char *const emacm_classes[EMACM_CLASSES] = {${classes}};
 const char *const emacm_decisions[EMACM_DECISIONS] = {${decisions}};
