@@ -138,17 +138,6 @@ def test_features_whose_distances_to_every_class_overflow_are_refused():
         model.predict_proba([[0.0, 0.0, 0.0], [0.0, 0.0, 1e140]])
 
 
-# Priors
-
-
-def test_priors_default_to_the_shares_of_the_weights():
-    X, y = draw(14)
-    weight = np.where(y == "screw", 2.0, 1.0)
-    np.testing.assert_allclose(
-        CostSensitiveGaussianBayes().fit(X, y, weight).priors_, [0.25, 0.25, 0.5]
-    )
-
-
 # Pieces and weights
 
 
