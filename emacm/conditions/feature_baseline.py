@@ -12,6 +12,7 @@ from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_finite_table, check_real_array
+from emacm._statements import warn
 from emacm.conditions.healthy import ConditionBaseline, check_healthy_rates
 from emacm.decisions.pipelines import groups_options, parts_with_input
 from emacm.orders.columns import OrderTable, column_names
@@ -67,7 +68,9 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
     smaller than that of new ones, by the factor 1 - 1/n_healthy.
 
     With only one condition, it is a constant shift, which changes no decision of a Gaussian
-    classifier.
+    classifier. `fit` warns if at least 3 recordings of a condition differ from its healthy means
+    by more than 10 times their scatter, in the median over the features (assumed), as they do if
+    healthy recordings were measured differently.
 
     Examples
     --------
@@ -94,7 +97,9 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         healthy: Any = "healthy",
         baseline_recordings: Sequence[Any] | None = None,
     ) -> None:
-        super().__init__(condition, healthy, baseline_recordings)
+        super().__init__(
+            condition=condition, healthy=healthy, baseline_recordings=baseline_recordings
+        )
         self.transformer = transformer
 
     def fit(self, X: Any, y: ArrayLike | None = None, groups: Any = None) -> FeatureBaseline:
@@ -181,6 +186,7 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         self.means_ = {value: healthy[rows].mean(axis=0) for value, rows in found.rows.items()}
         self.n_healthy_ = {value: len(rows) for value, rows in found.rows.items()}
         self.transformer_, self.conditions_ = transformer, tuple(self.means_)
+        self._report_effect(X, values)
         return self._difference(X, table)
 
     def add_healthy(self, X: Any) -> FeatureBaseline:
@@ -244,6 +250,25 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
             if inner is not None and hasattr(inner, "set_output"):
                 inner.set_output(transform=transform)
         return self
+
+    def _report_effect(self, X: Any, values: NDArray[np.float64]) -> None:
+        """Warn if the baseline shifts the features much more than they scatter."""
+        found = self._known_conditions(X)
+        for condition, mean in self.means_.items():
+            own = values[[entry == condition for entry in found]]
+            if len(own) < 3:  # their scatter is not known
+                continue
+            shift, scatter = np.abs(own.mean(axis=0) - mean), own.std(axis=0, ddof=1)
+            ratios = shift[scatter > 0] / scatter[scatter > 0]
+            if len(ratios) and np.median(ratios) > 10:
+                warn(
+                    "baseline",
+                    f"condition {condition!r}: the features of its {len(own)} recordings differ "
+                    f"from the healthy means by {np.median(ratios):.3g} times their scatter "
+                    f"(median over the features). They may have been measured differently: compare "
+                    f"sensors, filters, gain and speed.",
+                    stacklevel=4,
+                )
 
     def _difference(self, X: Any, table: Any) -> Any:
         found = self._known_conditions(X)

@@ -312,15 +312,6 @@ class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ig
     0.5
     """
 
-    def __init__(
-        self,
-        *,
-        condition: Any = "load",
-        healthy: Any = "healthy",
-        baseline_recordings: Sequence[Any] | None = None,
-    ) -> None:
-        super().__init__(condition, healthy, baseline_recordings)
-
     def fit(self, X: Any, y: ArrayLike | None = None) -> SignalBaseline:
         """Average the healthy recordings of each condition.
 

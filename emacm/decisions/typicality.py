@@ -302,8 +302,7 @@ class Typicality:
         ndarray of shape (n_recordings,)
         """
         logs = self.distances.log_squares(X)
-        combined = _combine(logs, self.levels, self.peaks, self.used)
-        return self.combined.survival(combined)
+        return self.combined.survival(_combine(logs, self.levels, self.peaks, self.used))
 
     def second_classes(self, X: Array, codes: Indices) -> Indices:
         """Return the class whose lines recordings have beyond those of their own; -1 if none.
@@ -475,6 +474,5 @@ def _combine(
     The logarithm of the sum of the exponentials is nearly the largest of its terms.
     """
     slopes, offsets = distance_scales(levels, peaks, used)
-    places = np.flatnonzero(used)
-    terms = [logs[k] * slopes[k] - offsets[k][:, np.newaxis] for k in places]
+    terms = [logs[k] * slopes[k] - offsets[k][:, np.newaxis] for k in np.flatnonzero(used)]
     return np.min(logsumexp(terms, axis=0), axis=0)

@@ -127,8 +127,7 @@ class OpenedPipeline:
         cut = max((i for i, (_, step) in enumerate(steps, 1) if isinstance(step, kinds)), default=0)
         if not cut and are_recordings(X):
             cut = _first_table(steps, X)
-        before = tuple(step for _, step in steps[:cut])
-        return cls(before, tuple(steps[cut:]), classifier)
+        return cls(tuple(step for _, step in steps[:cut]), tuple(steps[cut:]), classifier)
 
     @classmethod
     def _of_condition(cls, router: ConditionRouter, X: Any) -> OpenedPipeline:

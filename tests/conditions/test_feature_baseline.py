@@ -144,3 +144,17 @@ def test_a_unit_of_which_healthy_recordings_were_added_is_no_longer_stated_as_ne
     baseline = FeatureBaseline(inner, condition="unit").fit([A, A], ["healthy"] * 2)
     assert {"new unit", "level"} <= {each.kind for each in outside_training(baseline, [B])[0]}
     assert outside_training(baseline.add_healthy([B]), [B]) == [[]]
+
+
+def test_a_shift_far_larger_than_the_scatter_warns():
+    runs = [constant(load, seed=i) for i, load in enumerate([20, 40] * 5)]
+    others = [constant(load, extra=0.7, seed=50 + i) for i, load in enumerate([20, 40] * 3)]
+    baseline = FeatureBaseline(Levels(), healthy=(), baseline_recordings=others[:2])
+    match = r"features of its 5 recordings differ from the healthy means by \d+(\.\d)? times"
+    with pytest.warns(UserWarning, match=match) as caught:
+        baseline.fit(runs, ["worn"] * 10)
+    assert [str(each.message).partition(":")[0] for each in caught] == [
+        "condition 20",
+        "condition 40",
+    ]
+    baseline.set_params(baseline_recordings=runs[:2]).fit(runs, ["worn"] * 10)  # alike: no warning
