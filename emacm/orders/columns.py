@@ -117,7 +117,8 @@ class OrderTable(BinPowers):
         # and different axes would have one hash; it also hashes the metadata of the dtype.
         values = np.asarray(values)
         precision = np.float32 if values.dtype == np.float32 else np.float64
-        dtype = np.dtype(precision, metadata={"columns": _digest(columns)})
+        digest = sha256("\0".join(columns).encode()).hexdigest()
+        dtype = np.dtype(precision, metadata={"columns": digest})
         table = super().__new__(cls, values.astype(dtype), columns)
         if table.ndim != 2 or table.shape[1] != len(columns):
             raise ValueError(
@@ -290,11 +291,6 @@ def parse_bin_columns(columns: Sequence[Any]) -> tuple[BinBlock, ...] | None:
         known = np.array(bands) if increasing else None
         blocks.append(BinBlock(channel, names, known, np.array([place for place, _ in entries])))
     return tuple(blocks) or None
-
-
-@lru_cache(maxsize=16)
-def _digest(columns: tuple[str, ...]) -> str:
-    return sha256("\0".join(columns).encode()).hexdigest()
 
 
 def _parse(name: Any) -> tuple[str, float] | None:

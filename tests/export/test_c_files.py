@@ -202,7 +202,7 @@ def test_nothing_is_read_before_it_is_written(model, tmp_path):
 
 def test_a_model_of_three_channels_needs_at_most_64_kb(tmp_path):
     model, _ = noise_model(3, 128, 4000.0)  # segments of 16 revolutions
-    assert export_c(model, tmp_path, fs=48_000, max_speed=360, every=64).ram <= 64 * 1024
+    assert export_c(model, tmp_path, fs=48_000, max_speed=360, every=16).ram <= 64 * 1024
 
 
 REFUSED = {
