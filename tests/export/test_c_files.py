@@ -155,8 +155,8 @@ def test_the_order_of_the_channels_is_that_of_the_export(model, tmp_path):
     found = []
     for columns in ([0, 1, 2], [1, 0, 2]):
         channels = [("torque", "current")[k] for k in columns[:2]]
-        options = {"fs": FS, "channels": channels, "max_speed": 120, "precision": "float64"}
-        export_c(model, tmp_path, **options)
+        options = {"fs": FS, "channels": channels, "max_speed": 120, "every": 5}
+        export_c(model, tmp_path, **options, precision="float64")
         found += Program(tmp_path, "float64").readings(model, [rows[:, columns]])[:1]
     np.testing.assert_allclose(found[0]["features"], found[1]["features"], rtol=1e-12)
 
@@ -178,8 +178,8 @@ def spoiled(n_times, n_channels):
 
 @compiles
 @pytest.mark.parametrize(
-    ("per_revolution", "n_times"),  # the samples up to 2 and 8 times as dense
-    [(52, 50_000), pytest.param(256, 1_000_000, marks=pytest.mark.slow)],
+    ("per_revolution", "n_times"),  # the samples up to 2 and 4 times as dense
+    [(52, 50_000), pytest.param(128, 1_000_000, marks=pytest.mark.slow)],
 )
 def test_no_input_makes_the_program_leave_its_arrays(per_revolution, n_times, recordings, tmp_path):
     steps = resampler(per_revolution), OrderPSD(2), BINS, LOG, classifier(STATES)
@@ -241,12 +241,12 @@ def test_the_command_writes_the_sources_and_prints_their_memory(model, tmp_path,
     pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
     save_model(model, tmp_path / "model.skops")
     options = ["--c", str(tmp_path / "c"), "--fs", "2000", "--channels", "current,torque"]
-    assert main(["export", str(tmp_path / "model.skops"), *options, "--every", "20"]) == 0
+    assert main(["export", str(tmp_path / "model.skops"), *options, "--every", "5"]) == 0
     text = capsys.readouterr().out
     assert "emacm_model.c" in text
     assert "RAM " in text
     header = (tmp_path / "c" / "emacm_model.h").read_text()
-    assert "#define EMACM_EVERY 20.0f" in header
+    assert "#define EMACM_EVERY 5.0f" in header
     assert "current, torque" in header
 
 
