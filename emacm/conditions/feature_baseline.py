@@ -14,9 +14,10 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._checks import check_finite_table, check_real_array
 from emacm._statements import warn
 from emacm.conditions.healthy import ConditionBaseline, check_healthy_rates
-from emacm.decisions.pipelines import groups_options
+from emacm.decisions.pipelines import groups_options, parts_with_input
 from emacm.orders.columns import OrderTable, column_names
 from emacm.recordings.meta import read_meta, sorted_conditions
+from emacm.resampling.order_resampler import OrderResampler
 
 
 class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ignore[call-arg]
@@ -96,7 +97,9 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         healthy: Any = "healthy",
         baseline_recordings: Sequence[Any] | None = None,
     ) -> None:
-        super().__init__(condition, healthy, baseline_recordings)
+        super().__init__(
+            condition=condition, healthy=healthy, baseline_recordings=baseline_recordings
+        )
         self.transformer = transformer
 
     def fit(self, X: Any, y: ArrayLike | None = None, groups: Any = None) -> FeatureBaseline:
@@ -211,6 +214,8 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
             own = values[[entry == value for entry in conditions]]
             self.means_[value], self.n_healthy_[value] = own.mean(axis=0), len(own)
         self.conditions_ = tuple(sorted_conditions(self.means_))
+        for part, own in parts_with_input(self.transformer_, X, OrderResampler):
+            part.extend_range(own)  # `outside_training` knows these conditions, too
         return self
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:

@@ -48,7 +48,13 @@ class ConditionBaseline(  # type: ignore[call-arg]
     conditions_: tuple[Any, ...]
     _rates: dict[str, float]
 
-    def __init__(self, condition: Any, healthy: Any, baseline_recordings: Any) -> None:
+    def __init__(
+        self,
+        *,
+        condition: Any = "load",
+        healthy: Any = "healthy",
+        baseline_recordings: Sequence[Any] | None = None,
+    ) -> None:
         self.condition = condition
         self.healthy = healthy
         self.baseline_recordings = baseline_recordings

@@ -205,12 +205,7 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         left = self._calibrated("left_out")
         self._warn_of_shift(X, groups, left.typicality, left.units)
         threshold = probability_threshold(
-            left.log_densities,
-            left.codes,
-            left.units,
-            self.priors_,
-            self.temperature_,
-            coverage,
+            left.log_densities, left.codes, left.units, self.priors_, self.temperature_, coverage
         )
         return classes_above(posterior, threshold)
 
@@ -319,6 +314,5 @@ def probability_threshold(
         posterior = softmax(log_densities / temperature + np.log(priors), axis=1)
     own = posterior[np.arange(len(posterior)), codes]
     own[own == posterior.max(axis=1)] = 1.0  # always in the set
-    n_recordings = np.bincount(units)[units]
-    shares = np.bincount(codes, 1 / n_recordings, len(priors))[codes]
+    shares = np.bincount(codes, 1 / np.bincount(units)[units], len(priors))[codes]
     return -grouped_quantile(-own, units, coverage, priors[codes] / shares)

@@ -206,8 +206,8 @@ def parts_of(model: Any) -> Iterator[Any]:
     yield from walk(model)
 
 
-def unreachable_unknown_states(model: Any) -> list[Any]:
-    """Return the classifiers with an unknown state that another estimator hides.
+def check_unknown_states(model: Any) -> None:
+    """Raise a ValueError if an estimator hides the unknown state of a classifier inside.
 
     Pipelines, searches and the estimators of emacm carry an unknown state; estimators of
     scikit-learn that combine or calibrate classifiers use their probabilities of classes only.
@@ -216,26 +216,21 @@ def unreachable_unknown_states(model: Any) -> list[Any]:
     --------
     >>> from sklearn.calibration import CalibratedClassifierCV
     >>> from emacm import CostSensitiveGaussianBayes
-    >>> classifier = CostSensitiveGaussianBayes(unknown="unknown")
-    >>> unreachable_unknown_states(classifier)
-    []
-    >>> unreachable_unknown_states(CalibratedClassifierCV(classifier))
-    [CostSensitiveGaussianBayes(unknown='unknown')]
+    >>> check_unknown_states(CalibratedClassifierCV(CostSensitiveGaussianBayes(unknown="new")))
+    Traceback (most recent call last):
+    ...
+    ValueError: CalibratedClassifierCV loses the unknown state 'new' of ...
     """
     final = final_estimator(model)
     if hasattr(final, "unknown_proba"):
-        return []
-    return [part for part in parts_of(final) if getattr(part, "unknown", None) is not None]
-
-
-def check_unknown_states(model: Any) -> None:
-    """Raise a ValueError if an estimator hides the unknown state of a classifier inside."""
-    for hidden in unreachable_unknown_states(model)[:1]:
-        raise ValueError(
-            f"{type(final_estimator(model)).__name__} loses the unknown state {hidden.unknown!r} "
-            f"of {type(hidden).__name__}. Set unknown=None, or give that classifier itself "
-            f'(temperature="groups" calibrates it).'
-        )
+        return
+    for part in parts_of(final):
+        if getattr(part, "unknown", None) is not None:
+            raise ValueError(
+                f"{type(final).__name__} loses the unknown state {part.unknown!r} of "
+                f"{type(part).__name__}. Set unknown=None, or give that classifier itself "
+                f'(temperature="groups" calibrates it).'
+            )
 
 
 def fitted_resamplers(model: Any) -> list[OrderResampler]:

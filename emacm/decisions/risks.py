@@ -209,8 +209,7 @@ class LeastRiskMixin:
         """
         decided = self.predict(X)
         decisions, cost = self._cost_table()
-        table = decisions, self.truths_, cost
-        return fraction_correct(y, decided, table, sample_weight)
+        return fraction_correct(y, decided, (decisions, self.truths_, cost), sample_weight)
 
     def _cost_table(self) -> tuple[NDArray[Any], Array]:
         return cost_table(self.cost, self.classes_, self.unknown)

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import logsumexp
 
 from emacm.calibration.left_out import (
     Array,
@@ -301,8 +302,7 @@ class Typicality:
         ndarray of shape (n_recordings,)
         """
         logs = self.distances.log_squares(X)
-        combined = _combine(logs, self.levels, self.peaks, self.used)
-        return self.combined.survival(combined)
+        return self.combined.survival(_combine(logs, self.levels, self.peaks, self.used))
 
     def second_classes(self, X: Array, codes: Indices) -> Indices:
         """Return the class whose lines recordings have beyond those of their own; -1 if none.
@@ -444,12 +444,23 @@ def _class_levels(
     judged[codes, groups] = True
     n_groups = judged.sum(axis=1)
     totals = np.maximum(np.bincount(codes, weight, n_classes), np.finfo(np.float64).tiny)
-    levels = np.empty((len(own), n_classes))
-    for values, level in zip(own, levels, strict=True):
-        overall = weight @ values / weight.sum()
-        means = np.bincount(codes, weight * (values - overall), n_classes) / totals
-        level[:] = overall + n_groups / (n_groups + 1) * means
-    return levels
+    overall = own @ weight[:, np.newaxis] / weight.sum()
+    of_class = np.eye(n_classes)[codes] * weight[:, np.newaxis]
+    return overall + n_groups / (n_groups + 1) * ((own - overall) @ of_class / totals)
+
+
+def distance_scales(
+    levels: Array, peaks: tuple[Peaks, ...], used: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Return the factor of each log distance, and what is subtracted of it then for each class.
+
+    Distances are in units of their mean excess; one outside the discriminant space counts less, the
+    largest deviation of a single feature only if it is extreme.
+    """
+    slopes = np.array((1.0, 0.6, 1.5) if used[0] else (0.0, 1.0, 1.0))
+    slopes /= [of_one.mean_excess for of_one in peaks]
+    thresholds = np.array([[of_one.threshold] for of_one in peaks])
+    return slopes, (levels + thresholds) * slopes[:, np.newaxis] + [[0.0], [0.0], [8.0]]
 
 
 def _combine(
@@ -460,20 +471,8 @@ def _combine(
 ) -> Array:
     """Combine the log distances to each class, and return that to the nearest.
 
-    Distances are in units of their mean excess; one outside the discriminant space counts less, the
-    largest deviation of a single feature only if it is extreme.
-
-    The logarithm of the sum of the exponentials is nearly the largest of its terms. They are
-    relative to the largest of the class where it is smallest.
+    The logarithm of the sum of the exponentials is nearly the largest of its terms.
     """
-    slopes = (1.0, 0.6, 1.5) if used[0] else (0.0, 1.0, 1.0)
-    offsets = 0.0, 0.0, 8.0
-    terms = []
-    for number in np.flatnonzero(used):
-        scale = slopes[number] / peaks[number].mean_excess
-        level = (levels[number] + peaks[number].threshold) * scale + offsets[number]
-        terms.append(logs[number] * scale - level[:, np.newaxis])
-    largest = np.maximum.reduce(terms).min(axis=0)
-    with np.errstate(over="ignore"):  # of classes that are farther
-        total = sum(np.exp(term - largest) for term in terms)
-    return largest + np.log(np.min(total, axis=0))
+    slopes, offsets = distance_scales(levels, peaks, used)
+    terms = [logs[k] * slopes[k] - offsets[k][:, np.newaxis] for k in np.flatnonzero(used)]
+    return np.min(logsumexp(terms, axis=0), axis=0)

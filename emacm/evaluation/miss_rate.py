@@ -176,8 +176,7 @@ def miss_rate_limit(
     unknown = None if final.unknown is None else decisions.index(final.unknown)
     rows = {}
     for name, table in (("given cost", cost), ("limit", limit)):
-        rows_decided = decide(posterior, table.to_numpy(), unknown)
-        decided = [decisions[row] for row in rows_decided]
+        decided = [decisions[row] for row in decide(posterior, table.to_numpy(), unknown)]
         judged = rule.judge(states, decided)
         rates = {key: tally for key, tally in tallies(judged, rule).items() if "rate" in key}
         rows[name] = bootstrap.figures(rates, units.labels)
@@ -281,5 +280,4 @@ def largest_missed(n_units: int, rate: float, confidence: float, *, exact: bool 
     probabilities = binom.cdf(t - 1, n_units, rate)  # of B <= t - 1
     if exact:
         return (int(np.count_nonzero(probabilities <= level)) - 1) / n_units
-    expected = np.cumsum(probabilities)  # E (t - B)+
-    return float(np.max(t - expected / level)) / n_units
+    return float(np.max(t - np.cumsum(probabilities) / level)) / n_units  # of E (t - B)+

@@ -127,8 +127,7 @@ class OpenedPipeline:
         cut = max((i for i, (_, step) in enumerate(steps, 1) if isinstance(step, kinds)), default=0)
         if not cut and are_recordings(X):
             cut = _first_table(steps, X)
-        before = tuple(step for _, step in steps[:cut])
-        return cls(before, tuple(steps[cut:]), classifier)
+        return cls(tuple(step for _, step in steps[:cut]), tuple(steps[cut:]), classifier)
 
     @classmethod
     def _of_condition(cls, router: ConditionRouter, X: Any) -> OpenedPipeline:
@@ -359,7 +358,7 @@ def with_names(estimator: Any, values: Array) -> Any:
 def _is_elementwise(step: Any, row: Array) -> bool:
     """Return whether each output depends on the column in its place only."""
     # One per cent more leaves a positive value positive, so that its logarithm exists.
-    responses, size = _responses(step, row, np.where(row[0] == 0, 1e-3, 0.01 * row[0]))
+    responses, size = column_responses(step, row, np.where(row[0] == 0, 1e-3, 0.01 * row[0]))
     strength = np.abs(responses)
     if strength.shape[0] != strength.shape[1] or not np.isfinite(strength).all():
         return False
@@ -372,7 +371,7 @@ def _linear_part(name: str, step: Any, row: Array) -> Array:
     n_columns = row.shape[1]
     scale = np.sqrt(np.mean(row**2)) or 1.0
     away = scale * np.random.default_rng(0).uniform(-2, 2, (3, n_columns))
-    matrix = _responses(step, row, np.full(n_columns, scale))[0].T / scale
+    matrix = column_responses(step, row, np.full(n_columns, scale))[0].T / scale
     measured = apply_step(step, row + away) - apply_step(step, row)
     predicted = away @ matrix.T
     deviation = np.abs(measured - predicted).max(initial=0.0)
@@ -385,7 +384,7 @@ def _linear_part(name: str, step: Any, row: Array) -> Array:
     return matrix
 
 
-def _responses(step: Any, row: Array, changes: Array) -> tuple[Array, Array]:
+def column_responses(step: Any, row: Array, changes: Array) -> tuple[Array, Array]:
     """Change one column at a time; return the changes and the magnitudes of the outputs.
 
     The changes have the shape (n_columns, n_outputs).

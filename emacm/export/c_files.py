@@ -144,15 +144,15 @@ def export_c(
     stated = {"fs": float(fs), "max_speed": float(speed), "every": float(turns)}
     sizes = _sizes(chain, precision, **stated)
     as_text = _Numbers(precision)
-    values = sizes | stated | _places(chain, precision, float(fs), float(turns)) | as_text.words
+    values = sizes | stated | as_text.words
     values |= {"version": __version__, "channels": printable(", ".join(order)).replace("/", " ")}
-    tables = _tables(chain, [names.index(name) for name in order], sizes, fs)
-    tables |= as_text.limits if tables["HAS_TYPICALITY"] else {}
+    tables = _tables(chain, [names.index(name) for name in order], sizes, fs) | as_text.limits
+    tables |= _places(chain, sizes, precision, float(fs), float(turns))
     values["tables"] = "\n".join(as_text.declared(tables))
     values["stages"] = "\n".join(_stages(chain))
     values["classes"] = _labels(chain.classifier.classes_)
     values["decisions"] = _labels(chain.classifier.decisions_)
-    check = check_tables(model, order, precision, **stated)
+    check = check_tables(model, order, precision, **stated) | {"TOLERANCE": as_text.tolerance}
     values["check_tables"] = "\n".join(as_text.declared(check))
     counted = _counted(chain, sizes, stated, tables, 4 if precision == "float32" else 8)
     values |= counted | {"ram_stack": 1024 + 64 * sizes["n_classes"]}
@@ -204,34 +204,38 @@ def _sizes(
         # Beyond a segment: what the shaft may creep at standstill before a stroke has ended.
         "ring": plan.n_per_segment + max(32, round(plan.samples_per_rev / 2)),
         "held": 4 if factor == 1 else 64,
-        "delay": 0 if factor == 1 else DESIGN.upsampling_half - 1,
         "tail": 128 if precision == "float32" else 2048,
         "lag": lag,
-        "tail_range": reversal + DESIGN.margin + 3,
-        "n_radices": len(chain.radices),
+        "reversal": reversal,
     }
 
 
-def _places(chain: ExportedModel, precision: str, fs: float, every: float) -> dict[str, Any]:
-    """Return the numbers that decide on angles and strokes."""
+def _places(
+    chain: ExportedModel, sizes: Mapping[str, Any], precision: str, fs: float, every: float
+) -> dict[str, Any]:
+    """Return the numbers that decide on angles and strokes; points are those of the fine grid."""
     resampler, step = chain.resampler, chain.resampler.theta_s / 2
-    gap = longest_gap(resampler.max_rest, fs)
     total = every * (1 - 1e-12) * 4 * np.pi * fs / resampler.ratio  # of two velocities each
-    limit = np.dtype(precision).type(total)
+    limit = float(np.dtype(precision).type(total))
     return {
-        "margin": DESIGN.margin,
-        "first": DESIGN.first,
-        "half": DESIGN.half,
-        "reach": DESIGN.upsampling_half,
-        "mean_of": DESIGN.mean_of,
-        "detrend": int(bool(chain.psd.plan_.detrend)),
-        "points": resampler.ratio / (2 * fs * step),
-        "limit": float(limit),
-        "limit_rest": total - float(limit),
-        "min_speed": float(resampler.min_speed),
-        "max_gap": f"{int(min(gap, 2**32 - 1))}u",
-        "max_reversal": DESIGN.least_reversal / step,
-        "turns": ", ".join(str(int(sign in DIRECTIONS[resampler.direction])) for sign in (1, -1)),
+        "MARGIN": DESIGN.margin,
+        "FIRST": DESIGN.first,
+        "HALF": DESIGN.half,
+        "REACH": DESIGN.upsampling_half,
+        "MEAN_OF": np.uint32(DESIGN.mean_of),
+        "DETREND": int(bool(chain.psd.plan_.detrend)),
+        "STEP": sizes["step"],
+        "DELAY": 0 if sizes["n_densities"] == 1 else DESIGN.upsampling_half - 1,
+        "POINTS": resampler.ratio / (2 * fs * step),  # for the sum of two velocities
+        "LAG": sizes["lag"],
+        "TAIL_RANGE": sizes["reversal"] + DESIGN.margin + 3,
+        "LIMIT": limit,  # of the sums of a reading
+        "LIMIT_REST": total - limit,
+        "MIN_SPEED": float(resampler.min_speed),
+        "MAX_GAP": np.uint32(min(longest_gap(resampler.max_rest, fs), 2**32 - 1)),
+        "MAX_REVERSAL": DESIGN.least_reversal / step,
+        # Whether forward and reverse strokes are resampled.
+        "TURNS": np.array([sign in DIRECTIONS[resampler.direction] for sign in (1, -1)], int),
     }
 
 
@@ -259,6 +263,7 @@ def _tables(
         "SINE": np.sin(turn),
         "WINDOW": plan.weights,
         "RADICES": np.array(chain.radices, np.uint32),
+        "N_RADICES": len(chain.radices),
         "PLACES": _places_of(plan.n_per_segment // 2, chain.radices),
         "TAPS": decimating_filter()[: DESIGN.half + 1],
         "KERNEL": kernel_halves(),
@@ -351,12 +356,12 @@ class _Numbers:
         self.words = {
             "real": "float" if self._single else "double",
             "math": "name##f" if self._single else "name",
-            "rounding": 1e-6 if self._single else 1e-9,
-            "tied": 1e-6 if self._single else 1e-12,
-            "tolerance": 1e-3 if self._single else 1e-9,
         }
+        self.tolerance = 1e-3 if self._single else 1e-9  # of a feature
         number = np.finfo(precision)
         self.limits = {
+            "ROUNDING": 1e-6 if self._single else 1e-9,
+            "TIED": 1e-6 if self._single else 1e-12,
             "LARGEST": float(number.max) / 4,
             "SMALLEST": float(number.tiny),
             "SERIES": 1e-2 if self._single else 1e-4,
@@ -365,7 +370,7 @@ class _Numbers:
     def __call__(self, value: Any) -> str:
         """Return a number, or a text as it is."""
         if isinstance(value, str | int | np.integer):
-            return str(value)
+            return f"{value}{'u' * isinstance(value, np.unsignedinteger)}"
         if np.isinf(value):
             return "INFINITY" if value > 0 else "-INFINITY"
         text = f"{value:.9g}" if self._single else repr(float(value))
@@ -373,11 +378,11 @@ class _Numbers:
         return text + "f" * self._single
 
     def declared(self, tables: Mapping[str, Any]) -> Iterable[str]:
-        """Yield the declarations of constants; of whole numbers that are no array, as macros."""
+        """Yield the declarations of arrays, and single numbers as macros."""
         for name, value in tables.items():
             array = np.asarray(value)
-            if array.ndim == 0 and array.dtype.kind in "iu":
-                yield f"#define {name} {array}"
+            if array.ndim == 0:
+                yield f"#define {name} {self(array[()])}"
                 continue
             kind = {"i": "int32_t", "u": "uint32_t"}.get(array.dtype.kind, "emacm_real")
             sizes = "".join(f"[{n}]" for n in array.shape)

@@ -12,10 +12,8 @@ from emacm.export.exported_model import ExportedModel
 from emacm.streams.order_monitor import OrderMonitor
 from emacm.streams.streamed_models import Reading
 
-# Speed at 17 times of equal distance, in 4096ths of the highest: forward, at rest, and in reverse.
-_KNOTS = np.array(
-    [0, 0, 4096, 3925, 3754, 3584, 3413, 3242, 3072, 0, 0, -4096, -3840, -3584, -3328, -3072, 0]
-)
+# Speed in 16 sections of equal length, in 64ths of the highest: forward, at rest, and in reverse.
+_SECTIONS = np.array([0, 20, 64, 61, 58, 55, 52, 48, 20, 0, -20, -64, -60, -56, -52, -48])
 
 
 def check_tables(
@@ -23,7 +21,7 @@ def check_tables(
 ) -> dict[str, Any]:
     """Return what check.c makes twelve recordings of, and the readings of Python.
 
-    Noise comes from a linear congruential generator, speeds from divisions of whole numbers: the
+    Noise comes from a linear congruential generator, speeds are whole multiples of a number: the
     samples are the same, bit for bit, on any computer. Levels and speeds are within those of the
     training, but for one level in three, which is twice as large.
 
@@ -58,19 +56,21 @@ def check_tables(
         turns = every or ranges["revolutions"][0]
         size = int(2 * turns * 2 * np.pi / ratio / speed * fs) + 64
         levels.append((level * np.sqrt(3) / 2**23).astype(dtype))
-        speeds.append(dtype(speed / 4096))
+        speeds.append(dtype(speed / 64))
         sizes.append(size)
         noise = _noise(number + 1, size * len(channels)).reshape(size, -1)
-        signals, velocity = (noise.astype(dtype) * levels[-1]).T, _profile(size) * speeds[-1]
+        signals = (noise.astype(dtype) * levels[-1]).T
+        velocity = _SECTIONS.astype(dtype)[16 * np.arange(size) // size] * speeds[-1]
         found = monitor.push(signals, velocity=velocity)
         readings.append([*found, *monitor.flush(complete=True)][0])
     decisions = known.classifier.decisions_.tolist()
     n_features = known.classifier.n_features_in_
     return {
+        "N_READINGS": len(readings),
         "N_SAMPLES": np.array(sizes, np.uint32),
         "LEVEL": np.array(levels),
         "SPEED": np.array(speeds),
-        "KNOTS": _KNOTS,
+        "SECTIONS": _SECTIONS,
         "DECISION": np.array([_place(decisions, reading) for reading in readings]),
         "FEATURES": np.array(
             [np.zeros(n_features) if r.features is None else r.features for r in readings]
@@ -89,10 +89,3 @@ def _noise(seed: int, size: int) -> NDArray[np.int32]:
     sums = np.append(np.uint32(1), powers[:-1]).cumsum(dtype=np.uint32)
     state: Any = powers * np.uint32(seed) + np.uint32(1013904223) * sums
     return (state >> 8).astype(np.int32) - 2**23
-
-
-def _profile(size: int) -> NDArray[np.int32]:
-    place = 16 * np.arange(size)
-    knot, after = place // size, place % size
-    speed = _KNOTS[knot] * (size - after) + _KNOTS[knot + 1] * after
-    return (np.sign(speed) * (np.abs(speed) // size)).astype(np.int32)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cached_property
 from typing import Any
 
@@ -17,6 +17,8 @@ from emacm.calibration.left_out import upper_share
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import parts_of, search_estimator
 from emacm.decisions.risks import canonical_cost
+from emacm.decisions.typicality import distance_scales
+from emacm.explanations.opened_pipelines import apply_step, column_responses
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.streams.streamed_models import StreamedModel
 
@@ -120,10 +122,7 @@ class ExportedModel(StreamedModel):
         if known is None:
             return {}
         distances, tail = known.distances, known.combined
-        slopes = np.array((1.0, 0.6, 1.5) if known.used[0] else (0.0, 1.0, 1.0))
-        slopes /= [peaks.mean_excess for peaks in known.peaks]
-        thresholds = np.array([[peaks.threshold] for peaks in known.peaks])
-        levels = (known.levels + thresholds) * slopes[:, np.newaxis] + [[0.0], [0.0], [8.0]]
+        slopes, levels = distance_scales(known.levels, known.peaks, known.used)
         degrees, total = tail.peaks.n_peaks + tail.n_expected, tail.weight_from[0] + 1
         at, mean = upper_share(degrees, tail.share)
         return {
@@ -196,18 +195,14 @@ def _affine(step: Any, width: int) -> tuple[Array, Array]:
     ValueError
         If the step is not an affine map of its input.
     """
-    rng = np.random.default_rng(0)
-    probes = np.vstack([np.zeros(width), np.eye(width), 1e3 * rng.normal(size=(8, width))])
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore")  # names of columns, which an array does not have
-        try:
-            found = np.asarray(step.transform(probes), np.float64)
-        except Exception:  # a step that needs another input is not affine
-            found = np.full((len(probes), 1), np.nan)
-    constant, matrix = found[0], found[1 : width + 1] - found[0]
-    expected = probes[width + 1 :] @ matrix + constant
-    scale = np.abs(probes[width + 1 :]) @ np.abs(matrix) + np.abs(constant)
-    if not (np.abs(found[width + 1 :] - expected) <= 1e-9 * scale).all():
+    zero, probes = np.zeros((1, width)), 1e3 * np.random.default_rng(0).normal(size=(8, width))
+    is_affine = False
+    with suppress(Exception):  # a step that needs another input is not affine
+        constant, found = apply_step(step, zero)[0], apply_step(step, probes)
+        matrix = column_responses(step, zero, np.ones(width))[0]
+        scale = np.abs(probes) @ np.abs(matrix) + np.abs(constant)
+        is_affine = (np.abs(found - probes @ matrix - constant) <= 1e-9 * scale).all()
+    if not is_affine:
         raise ValueError(
             f"the step {type(step).__name__} cannot be exported: only BinTransformer, "
             f"FunctionTransformer of a logarithm, and affine maps (scaling, PCA, a choice of "

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from sklearn.pipeline import Pipeline
+from sklearn.utils.validation import check_is_fitted
 
 from emacm._statements import warn
 from emacm.conditions.feature_baseline import FeatureBaseline, left_out_differences
 from emacm.conditions.healthy import healthy_recordings
-from emacm.decisions.pipelines import groups_options, parts_with_input, search_estimator
+from emacm.decisions.pipelines import groups_options, search_estimator
 from emacm.evaluation.evaluate import evaluate
 from emacm.evaluation.results import Evaluation
 from emacm.machine.fault_orders import Parts
 from emacm.machine.find_faults import find_faults
 from emacm.recordings.inputs import as_list, described
 from emacm.recordings.meta import condition_name, read_meta
-from emacm.resampling.order_resampler import OrderResampler
 
 
 def add_baseline(model: Any, recordings: Any, *, parts: Parts | None = None) -> Any:
@@ -68,7 +70,8 @@ def add_baseline(model: Any, recordings: Any, *, parts: Parts | None = None) -> 
     Together they look like a fault if the difference of their mean from that of the most similar
     known unit has a cosine of at least 0.6 with the difference of a faulty class from the healthy
     ones, both in the metric of the covariance within the classes, and at least half its length in
-    this direction. Another microphone or gain changes the features in other directions.
+    this direction; a quarter of it also without the median change of each channel, as another gain
+    raises all its features. Another microphone changes the features in other directions.
     A fault of a kind that the training does not have is not found by this.
     ``benchmarks/frequency_bands.py`` states how often each is right.
 
@@ -104,6 +107,7 @@ def add_baseline(model: Any, recordings: Any, *, parts: Parts | None = None) -> 
             "the model has no baseline: it must be a Pipeline that begins with a FeatureBaseline. "
             "Train it so (emacm train --baseline)."
         )
+    check_is_fitted(model)
     recordings = as_list(recordings)
     _check_lines(recordings, parts)
     baseline, known = model[0], [*model[0].means_.values()]
@@ -115,8 +119,6 @@ def add_baseline(model: Any, recordings: Any, *, parts: Parts | None = None) -> 
         beyond = _check_healthy(model, recordings, own, known, unit)
         if beyond and parts is None:
             warn("baseline", beyond)
-    for part, X in parts_with_input(baseline, recordings, OrderResampler):
-        part.extend_range(X)
     return model
 
 
@@ -165,16 +167,23 @@ def _check_healthy(
         within = within[:, :, np.newaxis] * np.eye(n_features)
     root = np.linalg.cholesky(within.reshape(-1, n_features, n_features).mean(axis=0))
     centre = classifier.means_[is_healthy].mean(axis=0)
-    shifts = np.linalg.solve(root, (_through(model, features.mean(axis=0) - known) - centre).T).T
-    shift = min(shifts, key=np.linalg.norm)
+    apart = pd.DataFrame(features.mean(axis=0) - known)
+    gains = apart.T.groupby(_channels(baseline, features)).transform("median").T
+    shifts, others = (
+        np.linalg.solve(root, (_through(model, each.to_numpy()) - centre).T).T
+        for each in (apart, apart - gains)  # another gain raises all features of a channel
+    )
+    place = np.linalg.norm(shifts, axis=1).argmin()
+    shift, without_gain = shifts[place], others[place]
     moved, sizes = float(np.linalg.norm(shift)), {}
     for label, mean in zip(labels, classifier.means_, strict=True):
         if label in healthy:
             continue
         fault = np.linalg.solve(root, mean - centre)
         sizes[label], along = float(np.linalg.norm(fault)), float(shift @ fault)
-        # Of other microphones and gains a tenth is like a fault by chance (benchmark above).
-        if along >= sizes[label] * max(0.6 * moved, 0.5 * sizes[label]):
+        # Of other microphones a tenth is like a fault by chance (benchmark above).
+        is_like = along >= sizes[label] * max(0.6 * moved, 0.5 * sizes[label])
+        if is_like and without_gain @ fault >= 0.25 * sizes[label] ** 2:
             raise ValueError(
                 f"the {len(own)} recordings of {unit} differ from the healthy ones of the training "
                 f"as those of {label!r} do: a fault would be hidden. Check the machine; if it is "
@@ -189,6 +198,13 @@ def _check_healthy(
         f"{smallest!r}: a fault in all of them is not seen, and would be hidden. Make sure that "
         f"the machine was healthy, or state its parts"
     )
+
+
+def _channels(baseline: FeatureBaseline, features: Any) -> list[str]:
+    """Return the channel of each feature; "" for those without names."""
+    with suppress(AttributeError, ValueError):
+        return [str(name).rpartition("@")[0] for name in baseline.get_feature_names_out()]
+    return [""] * features.shape[1]
 
 
 def _through(model: Pipeline, features: Any) -> Any:

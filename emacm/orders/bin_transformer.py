@@ -226,8 +226,7 @@ class BinTransformer(OrderTableTransformer):
         ValueError
             If the columns are not those of `fit`.
         """
-        psd = self._checked_table(X, reset=False)
-        return self.known_lines_.new_lines(psd, self._axes())
+        return self.known_lines_.new_lines(self._checked_table(X, reset=False), self._axes())
 
     def _axes(self) -> tuple[OrderBlock, ...]:
         return self._blocks(getattr(self, "feature_names_in_", None))

@@ -93,10 +93,9 @@ class OrderTable(BinPowers):
     """A table with one row per recording that keeps the names of its columns.
 
     It differs from a plain float array in one respect: its `columns` attribute (a tuple of names)
-    is kept by pickle, copies and a choice of rows. It is dropped by any other operation (a choice
-    of columns, arithmetic, sorting and shuffling in place), after which the names may be wrong;
-    only the assignment of elements keeps it. `numpy.save` does not keep the names and warns; pickle
-    and joblib keep them.
+    is kept by pickle, copies and a choice of rows, and by changes of elements in place. It is
+    dropped by any other operation (a choice of columns, arithmetic), after which the names may be
+    wrong. `numpy.save` does not keep the names and warns; pickle and joblib keep them.
 
     Parameters
     ----------
@@ -111,8 +110,6 @@ class OrderTable(BinPowers):
         Names of the columns, or None where they are unknown.
     """
 
-    _exchanged: OrderTable | None = None
-
     def __new__(cls, values: Any, columns: Sequence[str]) -> Self:
         """Make a table of `values`, copying them once."""
         columns = tuple(columns)
@@ -120,7 +117,8 @@ class OrderTable(BinPowers):
         # and different axes would have one hash; it also hashes the metadata of the dtype.
         values = np.asarray(values)
         precision = np.float32 if values.dtype == np.float32 else np.float64
-        dtype = np.dtype(precision, metadata={"columns": _digest(columns)})
+        digest = sha256("\0".join(columns).encode()).hexdigest()
+        dtype = np.dtype(precision, metadata={"columns": digest})
         table = super().__new__(cls, values.astype(dtype), columns)
         if table.ndim != 2 or table.shape[1] != len(columns):
             raise ValueError(
@@ -139,31 +137,6 @@ class OrderTable(BinPowers):
         if isinstance(chosen, OrderTable) and _chooses_rows(key) and chosen.ndim == self.ndim:
             chosen._names = self._names
         return chosen
-
-    def sort(self, *args: Any, **kwargs: Any) -> None:
-        """Sort in place, and drop the names."""
-        super().sort(*args, **kwargs)
-        self._names = None
-
-    def partition(self, *args: Any, **kwargs: Any) -> None:
-        """Partition in place, and drop the names."""
-        super().partition(*args, **kwargs)
-        self._names = None
-
-    def swapaxes(self, *args: Any) -> Any:
-        """Return a view with two axes exchanged, without names."""
-        view: Any = super().swapaxes(*args)
-        view._exchanged = self
-        return view
-
-    def __setitem__(self, key: Any, value: Any) -> None:
-        """Assign elements; through a view with exchanged axes, the table loses its names.
-
-        `numpy.random.Generator.shuffle` permutes the columns through such a view.
-        """
-        super().__setitem__(key, value)
-        if self._exchanged is not None:
-            self._exchanged._names = None
 
     def copy(self, order: Any = "C") -> OrderTable:
         """Return a copy with the names."""
@@ -226,32 +199,6 @@ def column_names(X: Any) -> tuple[Any, ...] | None:
     if columns is None or (isinstance(X, OrderTable) and X.shape[-1] != len(columns)):
         return None
     return tuple(columns)
-
-
-def check_input_names(names: Sequence[Any], seen: Any, n_expected: int | None) -> None:
-    """Compare names given to `get_feature_names_out` with those seen in `fit`.
-
-    Parameters
-    ----------
-    names : sequence
-        The names given.
-    seen : sequence or None
-        Names seen in `fit`, if any.
-    n_expected : int or None
-        Expected number of names, if known.
-
-    Raises
-    ------
-    ValueError
-        If the names or their number differ.
-    """
-    if seen is not None and list(names) != list(seen):
-        raise ValueError("input_features is not equal to feature_names_in_.")
-    if n_expected is not None and len(names) != n_expected:
-        raise ValueError(
-            f"input_features should have length equal to what fit saw ({n_expected}), "
-            f"got {len(names)}."
-        )
 
 
 def parse_order_columns(columns: Sequence[Any]) -> tuple[OrderBlock, ...] | None:
@@ -346,11 +293,6 @@ def parse_bin_columns(columns: Sequence[Any]) -> tuple[BinBlock, ...] | None:
     return tuple(blocks) or None
 
 
-@lru_cache(maxsize=16)
-def _digest(columns: tuple[str, ...]) -> str:
-    return sha256("\0".join(columns).encode()).hexdigest()
-
-
 def _parse(name: Any) -> tuple[str, float] | None:
     if not isinstance(name, str) or "@" not in name:
         return None
@@ -397,8 +339,14 @@ class NamedColumns(TransformerMixin, SavedEstimator):
         ndarray of str
         """
         check_is_fitted(self)
-        if input_features is not None:
-            check_input_names(input_features, self._names_in, self._n_in)
+        names, n_expected = input_features, self._n_in
+        if names is not None and self._names_in is not None and [*names] != [*self._names_in]:
+            raise ValueError("input_features is not equal to feature_names_in_.")
+        if names is not None and n_expected is not None and len(names) != n_expected:
+            raise ValueError(
+                f"input_features should have length equal to what fit saw ({n_expected}), "
+                f"got {len(names)}."
+            )
         return np.array(self._columns_out, dtype=object)
 
 

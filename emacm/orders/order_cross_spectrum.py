@@ -389,8 +389,7 @@ class OrderCrossSpectrum(WelchEstimator):
         check_is_fitted(self)
         rows = as_angle_recordings(X, "OrderCrossSpectrum")
         self._check_rows(rows)
-        features = for_each(self._estimate, rows, self.n_jobs)
-        table = np.stack(features).reshape(len(rows), -1)
+        table = np.stack(for_each(self._estimate, rows, self.n_jobs)).reshape(len(rows), -1)
         return table if self.bins_ is not None else OrderTable(table, self._columns_out)
 
     def __sklearn_tags__(self) -> Any:

@@ -1,21 +1,34 @@
-"""The second step of a pipeline: the power spectral density over orders."""
+"""The second step of a pipeline: the power spectral density over orders.
+
+Spectra are kept between calls, folds and searches, and in a folder between processes. There, the
+name of a spectrum is a digest of the content of its recording and of all settings. Behind the array
+in the format of NumPy is a checksum, so that a damaged one is estimated again.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from pathlib import PurePath
+from hashlib import sha256
+from io import BytesIO
+from pathlib import Path, PurePath
 from typing import Any
+from zlib import crc32
 
+import joblib
 import numpy as np
 from numpy.typing import NDArray
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from emacm._checks import check_choice, check_finite_table, check_signal, check_table
+from emacm._saved import write_whole
+from emacm._statements import warn
+from emacm._version import __version__
 from emacm.orders.columns import BARE_CHANNEL, OrderTable, order_columns
-from emacm.orders.store import spectra_of_rows
+from emacm.orders.segment_plan import SegmentPlan
 from emacm.orders.welch import WelchEstimator, samples_per_revolution
-from emacm.recordings.inputs import as_list, described, refuse_single
+from emacm.recordings.digests import Recent, content_digest
+from emacm.recordings.inputs import as_list, described, refuse_single, run
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import (
     AngleRecording,
@@ -25,6 +38,9 @@ from emacm.resampling.angle_recording import (
     separates_directions,
 )
 from emacm.resampling.order_resampler import check_angle_step
+
+Spectrum = NDArray[np.floating]
+_recent: Recent[Spectrum] = Recent(1 << 28)  # of this process
 
 
 class OrderPSD(WelchEstimator):
@@ -221,9 +237,13 @@ class OrderPSD(WelchEstimator):
                 "X holds plain rows, but OrderPSD was fitted on recordings of channels "
                 f"{list(self.channels_)}. Pass what OrderResampler returns, or fit again."
             )
+        settings = joblib.hash((vars(self.plan_), __version__))
+        memory = getattr(self.memory, "location", self.memory)  # of a joblib.Memory
+        folder = None if memory is None or memory is False else _folder_of(memory)
+        kept = partial(_spectrum, self.plan_, settings, folder, memory is not False)
+        names = [partial(_named, row, index) for index, row in enumerate(rows)]
         options: dict[str, Any] = {"n_jobs": self.n_jobs, "verbose": self.verbose}
-        options["names"] = [partial(_named, row, index) for index, row in enumerate(rows)]
-        return self.table_of(spectra_of_rows(rows, self.plan_, self.memory, **options))
+        return self.table_of(run(kept, rows, names=names, **options))
 
     def table_of(self, spectra: Sequence[NDArray[np.floating]]) -> NDArray[np.floating]:
         """Return the table of spectra that were estimated elsewhere, as `transform` does.
@@ -307,3 +327,71 @@ def _ragged(rows: list[Any]) -> bool:
     """Tell whether these are one-dimensional rows of unequal length."""
     shapes = {np.shape(row) for row in rows}
     return len(shapes) > 1 and all(len(shape) == 1 for shape in shapes)
+
+
+def _folder_of(memory: Any) -> Path:
+    """Return the folder of spectra for the parameter `memory`, and make it."""
+    try:
+        folder = Path(memory) / "emacm_spectra"
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, TypeError) as error:
+        raise ValueError(
+            f"memory = {str(memory)!r} cannot be used as a folder of spectra: {error}. "
+            f"Choose a folder with write permission."
+        ) from error
+    return folder
+
+
+def spectrum_key(row: Any, settings: str) -> str:
+    """Return the key of the spectrum of a row.
+
+    Parameters
+    ----------
+    row : AngleRecording or ndarray
+        A recording or a signal over shaft angle. Its content counts, and how it is resampled.
+    settings : str
+        All else that the spectrum depends on, as text.
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits.
+    """
+    if isinstance(row, AngleRecording):
+        content = row.measured.digest
+        settings += repr(list(row.settings))
+    else:
+        content = content_digest("row", [row])
+    return sha256(f"{content}{settings}".encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def _spectrum(
+    plan: SegmentPlan, settings: str, folder: Path | None, keep: bool, row: Any
+) -> Spectrum:
+    """Return the spectrum of a row: of this process, of the folder, or estimated."""
+    known = None
+    if keep and isinstance(row, AngleRecording):
+        known = row.measured.identity, settings, repr(list(row.settings))
+        found = _recent.get(known)
+        if found is not None:
+            return found
+    found = plan.spectra_of(row) if folder is None else _from_folder(folder, plan, settings, row)
+    if known is not None:
+        _recent.put(known, found, found.nbytes)
+    return found
+
+
+def _from_folder(folder: Path, plan: SegmentPlan, settings: str, row: Any) -> Spectrum:
+    """Return the spectrum that a file holds; without one, or if it is damaged, estimate it."""
+    path = folder / f"{spectrum_key(row, settings)}.npy"
+    content = path.read_bytes() if path.is_file() else b""
+    if content[-4:] == crc32(content[:-4]).to_bytes(4):
+        return np.asarray(np.load(BytesIO(content)))
+    found = plan.spectra_of(row)
+    file = BytesIO()
+    np.save(file, found)
+    try:
+        write_whole(path, file.getvalue() + crc32(file.getvalue()).to_bytes(4))
+    except OSError as error:  # as of a full disk
+        warn("not kept", f"a spectrum is not kept in the folder of memory: {error}")
+    return found

@@ -16,6 +16,7 @@ from emacm import (
     OrderResampler,
     Recording,
     RecordingStatistics,
+    outside_training,
 )
 from emacm.orders.columns import OrderTable
 
@@ -131,6 +132,18 @@ def test_a_baseline_of_another_sampling_rate_is_refused():
     mixed = baseline.set_params(healthy="healthy")  # beside others in X
     with pytest.raises(ValueError, match=r"baseline_recordings: recording 0 .* at 48000 Hz, but"):
         mixed.set_params(baseline_recordings=[run(48_000, load=1)]).fit(slow, ["healthy"] * 2)
+
+
+def test_a_unit_of_which_healthy_recordings_were_added_is_no_longer_stated_as_new():
+    rng = np.random.default_rng(0)
+    A, B = (
+        Recording({"a": size * rng.normal(size=3000)}, 1000, velocity=90.0, meta={"unit": unit})
+        for unit, size in (("A", 1.0), ("B", 9.0))
+    )
+    inner = make_pipeline(OrderResampler(THETA_S), OrderPSD(4), FunctionTransformer(np.log))
+    baseline = FeatureBaseline(inner, condition="unit").fit([A, A], ["healthy"] * 2)
+    assert {"new unit", "level"} <= {each.kind for each in outside_training(baseline, [B])[0]}
+    assert outside_training(baseline.add_healthy([B]), [B]) == [[]]
 
 
 def test_a_shift_far_larger_than_the_scatter_warns():

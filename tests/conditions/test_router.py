@@ -83,12 +83,6 @@ def test_levels_that_one_model_confuses_are_told_apart_by_load(fleet):
     assert np.mean(router == y) > 0.95 > np.mean(pooled == y)
 
 
-def test_a_table_has_its_condition_in_a_column_that_the_estimator_does_not_see():
-    router = ConditionRouter(CostSensitiveGaussianBayes(covariance="tied")).fit(LOADED, STATES)
-    assert router.estimators_[20].feature_names_in_.tolist() == ["level"]
-    assert router.predict(table([40, 20], [5.5, 5.5])).tolist() == ["healthy", "worn"]
-
-
 def test_a_function_may_read_rows_of_a_bare_array():
     X = LOADED.to_numpy()
     router = ConditionRouter(LogisticRegression(), lambda row: row[0]).fit(X, STATES)
@@ -115,9 +109,6 @@ def test_a_class_that_a_condition_has_not_is_impossible_there():
     risk = router.risk(UNEVEN)
     assert np.all(np.isinf(risk[6:, 1]))
     np.testing.assert_array_equal(router.decisions_[risk.argmin(axis=1)], router.predict(UNEVEN))
-
-
-# Decisions
 
 
 # Conditions not seen

@@ -4,9 +4,7 @@ import numpy as np
 import pandas as pd
 from bad_input import Case, T, V, check_refused, classifier, each, features
 
-from emacm import (
-    CostSensitiveGaussianBayes,
-)
+from emacm import CostSensitiveGaussianBayes
 
 
 def masked_features():

@@ -10,10 +10,7 @@ from hypothesis import strategies as st
 from scipy.special import softmax
 from scipy.stats import multivariate_normal
 from sklearn.base import clone
-from sklearn.discriminant_analysis import (
-    LinearDiscriminantAnalysis,
-    QuadraticDiscriminantAnalysis,
-)
+from sklearn.discriminant_analysis import LinearDiscriminantAnalysis, QuadraticDiscriminantAnalysis
 from sklearn.metrics import make_scorer
 from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
@@ -139,17 +136,6 @@ def test_features_whose_distances_to_every_class_overflow_are_refused():
     model = CostSensitiveGaussianBayes().fit(X * 1e-100, y)
     with pytest.raises(ValueError, match="features of recording 1 are so far from every class"):
         model.predict_proba([[0.0, 0.0, 0.0], [0.0, 0.0, 1e140]])
-
-
-# Priors
-
-
-def test_priors_default_to_the_shares_of_the_weights():
-    X, y = draw(14)
-    weight = np.where(y == "screw", 2.0, 1.0)
-    np.testing.assert_allclose(
-        CostSensitiveGaussianBayes().fit(X, y, weight).priors_, [0.25, 0.25, 0.5]
-    )
 
 
 # Pieces and weights

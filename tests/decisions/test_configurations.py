@@ -1,19 +1,18 @@
 """Every check of scikit-learn in every configuration of the Gaussian classifier."""
 
 import pytest
-import sklearn
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm import CostSensitiveGaussianBayes
 
 pytestmark = pytest.mark.slow
 
-CONFIGURATIONS = [CostSensitiveGaussianBayes(priors="uniform")] + [
-    CostSensitiveGaussianBayes(covariance=covariance, shrinkage=shrinkage)
-    for covariance in ("full", "tied", "diag")
-    for shrinkage in (None, 0, "oas")  # "auto" below
+CONFIGURATIONS = [
+    CostSensitiveGaussianBayes(priors="uniform"),
+    CostSensitiveGaussianBayes(covariance="full", shrinkage="oas"),
+    CostSensitiveGaussianBayes(covariance="tied", shrinkage="oas"),
+    CostSensitiveGaussianBayes(covariance="diag", shrinkage=0),
 ]
-OLD_CHECKS = sklearn.__version__.startswith("1.6.")  # they draw other recordings
 SINGULAR = "its recordings have singular covariances, which are an error with any shrinkage"
 
 
@@ -26,9 +25,6 @@ def expected_failures(model):
     if shrinkage == 0:
         failures["check_sample_weights_shape"] = SINGULAR
         failures["check_sample_weights_not_overwritten"] = SINGULAR
-    if shrinkage == 0 and not tied and OLD_CHECKS and model.covariance == "full":
-        failures["check_n_features_in_after_fitting"] = SINGULAR
-        failures["check_dtype_object"] = SINGULAR
     return failures
 
 
@@ -40,8 +36,6 @@ def test_every_check_of_scikit_learn_passes(estimator, check):
 
 WITH_CALIBRATION = [
     CostSensitiveGaussianBayes(unknown="unknown"),
-    CostSensitiveGaussianBayes(temperature="groups"),
-    CostSensitiveGaussianBayes(temperature=2.5),
     CostSensitiveGaussianBayes(covariance="tied", shrinkage=0.1, unknown=-7, temperature="groups"),
     CostSensitiveGaussianBayes(covariance="diag", unknown="new", temperature=3.0),
 ]
@@ -55,10 +49,9 @@ def test_every_check_passes_with_an_unknown_state_or_a_temperature(estimator, ch
 
 
 @pytest.mark.filterwarnings("ignore:fit was called without groups:UserWarning")
-@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
-def test_every_check_passes_with_ledoit_wolf(covariance):
+def test_every_check_passes_with_ledoit_wolf():
     model = CostSensitiveGaussianBayes(
-        covariance=covariance, shrinkage="auto", unknown="unknown", temperature="groups"
+        covariance="tied", shrinkage="auto", unknown="unknown", temperature="groups"
     )
     checks = parametrize_with_checks([model]).args[1]
     for estimator, check in checks:

@@ -7,12 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.metrics import balanced_accuracy_score
 
-from emacm import (
-    CostSensitiveGaussianBayes,
-    as_families,
-    family_costs,
-    set_costs,
-)
+from emacm import CostSensitiveGaussianBayes, as_families, family_costs, set_costs
 from emacm.decisions.families import family_mapping
 
 FAMILIES = {"normal": ["normal"], "spalling": ["spalling1", "spalling2"], "backlash": ["backlash1"]}
@@ -33,10 +28,6 @@ def test_a_decision_costs_nothing_if_the_truth_is_in_its_family_and_one_elsewher
     assert frame.index.tolist() == list(FAMILIES)
     assert frame.columns.tolist() == STATES
     np.testing.assert_array_equal(frame, [[0, 1, 1, 1], [1, 0, 0, 1], [1, 1, 1, 0]])
-
-
-def test_a_family_of_one_state_may_be_written_without_a_list():
-    assert family_costs(FAMILIES | {"normal": "normal"}).equals(family_costs(FAMILIES))
 
 
 @given(st.lists(st.integers(0, 2), min_size=1, max_size=6))
@@ -62,12 +53,6 @@ def test_a_frame_of_costs_may_have_decisions_that_are_not_families():
     frame = family_costs(FAMILIES, costs)
     assert frame.index.tolist() == ["fly", "repair"]
     assert frame.loc["fly"].tolist() == [0, 9, 9, 5]
-
-
-def test_the_cost_of_another_decision_does_not_depend_on_the_true_state():
-    frame = family_costs(FAMILIES, other_decisions={"inspect": 0.3})
-    assert frame.loc["inspect"].tolist() == [0.3] * 4
-    assert frame.loc["normal"].tolist() == [0, 1, 1, 1]
 
 
 def test_missed_faults_and_false_alarms_refer_to_the_healthy_family():

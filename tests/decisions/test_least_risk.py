@@ -86,15 +86,6 @@ def test_costs_and_priors_set_after_fit_equal_those_of_a_refit(kind):
         assert_same(model, clone(model).fit(X, Y))
 
 
-def test_a_decision_that_a_later_cost_adds_or_removes():
-    model = CostSensitiveGaussianBayes().fit(X, Y).set_params(cost=COSTS["inspect"])
-    assert model.decisions_.tolist() == ["dry", "new", "spall", "inspect"]
-    assert "inspect" in model.predict(LATER)
-    assert model.risk(LATER).shape == (19, 4)
-    model.set_params(cost=COSTS["negative"])
-    assert set(model.predict(LATER)) == {"fly", "ground"}
-
-
 @pytest.mark.parametrize("kind", ["full, None", "wrapped logistic regression", "product"])
 @pytest.mark.parametrize(
     ("options", "message"),

@@ -5,12 +5,7 @@ import pandas as pd
 import pytest
 
 from emacm import CostSensitiveGaussianBayes, expected_cost, neg_expected_cost
-from emacm.decisions.metrics import (
-    are_correct,
-    correct_decisions,
-    fraction_correct,
-    label_of,
-)
+from emacm.decisions.metrics import are_correct, correct_decisions, fraction_correct, label_of
 
 STATES = ["healthy", "dry 1", "dry 2", "spall"]
 FAMILIES = ["healthy", "dry", "spalled"]

@@ -133,7 +133,7 @@ def test_densities_of_a_unit_are_those_of_scipy():
 @pytest.mark.parametrize("crossed", [False, True])
 def test_sets_of_50_units_cover_90_percent(crossed):
     between, found = 3 * WITHIN + BETWEEN, []
-    for seed in range(30):
+    for seed in range(15):
         X, y, units = fleet(50, 6, seed, between, crossed)
         fitted = NewUnitClassifier(priors="uniform").fit(X, y, groups=units)
         codes = np.arange(240) % 3
@@ -249,7 +249,7 @@ def test_units_of_another_kind_are_stated_with_their_sets(model, shift, warned):
 @pytest.mark.slow
 def test_units_of_the_same_kind_are_seldom_called_another_kind(model):
     found = []
-    for seed in range(200):
+    for seed in range(100):
         codes, units = np.arange(60) % 3, np.arange(60) // 6
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")

@@ -10,9 +10,7 @@ from sklearn.calibration import CalibratedClassifierCV
 from sklearn.compose import make_column_selector, make_column_transformer
 from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 from sklearn.linear_model import LogisticRegression, RidgeClassifier
-from sklearn.model_selection import (
-    GridSearchCV,
-)
+from sklearn.model_selection import GridSearchCV
 from sklearn.naive_bayes import GaussianNB
 from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
@@ -122,9 +120,6 @@ def test_a_member_that_cannot_know_a_class_is_refused():
     fused = product(CostSensitiveGaussianBayes(priors=[0, 0.3, 0.3, 0.4]), priors="uniform")
     with pytest.raises(ValueError, match=r"'current' has the prior 0 of class 'dry 1'.*0.25"):
         fused.fit(X, y)
-
-
-# Decisions
 
 
 # Composition

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -90,6 +90,7 @@ def test_the_tail_tells_far_from_farther_than_any_left_out_recording():
 
 @pytest.mark.slow
 @given(seed=st.integers(0, 50))
+@settings(max_examples=10)
 def test_units_offsets_and_order_change_no_typicality(seed):
     rng = np.random.default_rng(seed)
     X, codes, groups = draw(seed, n_groups=4, n_features=5)

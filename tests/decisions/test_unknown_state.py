@@ -198,18 +198,12 @@ def test_priors_may_contain_the_unknown_state():
         assert truth_priors(priors, CLASSES, np.ones(3), "new")[1] == 0.01
 
 
-# Compositions
-
-
 # Fitting
 
 
 def test_without_groups_a_warning_names_the_remedy():
     X, y, _ = draw(11)
-    for model in (
-        CostSensitiveGaussianBayes(unknown="unknown"),
-        NewUnitClassifier(),
-    ):
+    for model in (CostSensitiveGaussianBayes(unknown="unknown"), NewUnitClassifier()):
         with pytest.warns(UserWarning, match=r"without groups.*__groups=") as caught:
             model.fit(X, y)
         assert [warning.filename for warning in caught] == [__file__]

@@ -9,7 +9,7 @@ from scipy import signal
 from sklearn.base import clone
 from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from emacm import (
     CostSensitiveGaussianBayes,
@@ -105,6 +105,25 @@ def test_a_fault_is_not_hidden_in_a_baseline(model, state):
         ValueError, match=f"recording 5 .* relative to them it is most like '{state}'"
     ):
         add_baseline(model, one_of_them)
+
+
+def test_another_gain_is_not_taken_for_the_fault_that_raises_a_steady_line():
+    rng, spread = np.random.default_rng(0), np.array([0.01] + [0.3] * 19)  # of logarithmic levels
+
+    def levels(state, gain=0.0, unit="A"):
+        line = 1.2 * (state == "unbalance") * (np.arange(20) == 0)
+        samples = gain + line + spread * rng.normal(size=20)
+        return Recording({"a": samples}, 1, velocity=1.0, meta={"unit": unit})
+
+    table = FunctionTransformer(lambda X: np.array([run.signals["a"] for run in X]))
+    relative = FeatureBaseline(table, condition="unit", healthy="normal")
+    y = ["normal"] * 12 + ["unbalance"] * 12
+    bayes = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto")
+    model = make_pipeline(relative, bayes).fit([levels(state) for state in y], y)
+    both = add_baseline(model, [levels("normal", 0.9, "B") for _ in range(4)])
+    assert both[0].n_healthy_ == {"A": 12, "B": 4}
+    with pytest.raises(ValueError, match="as those of 'unbalance' do"):
+        add_baseline(model, [levels("unbalance", 0.9, "B") for _ in range(4)])
 
 
 def test_lines_of_a_fault_are_not_hidden_in_a_baseline():

@@ -1,18 +1,7 @@
 """Facts about bad input of order spectra: what was expected, what came, where, what to do."""
 
 import numpy as np
-from bad_input import (
-    Case,
-    T,
-    V,
-    check_refused,
-    each,
-    forward_only,
-    over_angle,
-    psd,
-    run,
-    spoilt,
-)
+from bad_input import Case, T, V, check_refused, each, forward_only, over_angle, psd, run, spoilt
 
 from emacm import OrderPSD
 

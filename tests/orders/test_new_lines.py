@@ -60,13 +60,6 @@ def test_a_new_line_in_the_bin_of_a_strong_line_is_stated_at_its_order(training,
     assert stated(fitted, known) == [[]] * len(known)
 
 
-def test_the_values_of_the_bins_do_not_depend_on_the_training(training, fitted):
-    psd = with_line(spectra(3, 2), 9.0, 30, training)
-    found = np.asarray(fitted.transform(table(psd)))
-    own = BinTransformer(1.0, max_order=12).fit_transform(table(psd))
-    np.testing.assert_array_equal(found, np.asarray(own))
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("n_segments", [1, 4, 40])
 @pytest.mark.parametrize("n_units", [6, 12, 40])

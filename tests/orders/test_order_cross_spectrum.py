@@ -131,16 +131,6 @@ def test_a_delay_lags_on_forward_and_reverse_strokes_alike(over_angle):
     np.testing.assert_allclose(table.iloc[:, :2], np.log(2), atol=0.1)
 
 
-def test_the_logarithm_is_that_of_the_magnitude(over_angle):
-    log, polar = (
-        OrderCrossSpectrum(4, form=form, bin_size=2, max_order=8).fit_transform(over_angle)
-        for form in ("log", "polar")
-    )
-    three = log.reshape(3, 3, 2, 4), polar.reshape(3, 3, 2, 4)
-    np.testing.assert_allclose(three[0][:, :, 0], np.log(three[1][:, :, 0]))
-    np.testing.assert_array_equal(three[0][:, :, 1], three[1][:, :, 1])
-
-
 def test_what_is_unrelated_is_hardly_coherent(over_angle):
     table = frame(OrderCrossSpectrum(2, kind="coherence", bin_size=2, max_order=12), over_angle)
     assert table.filter(like="torque*error").to_numpy().max() < 0.2
@@ -172,23 +162,6 @@ def test_lines_pass_through_the_bin_transformer_and_agree_with_own_bins(over_ang
         after.fit_transform(over_angle), within.fit_transform(over_angle), rtol=1e-9, atol=1e-15
     )
     assert list(after.get_feature_names_out()) == list(within.get_feature_names_out())
-
-
-def test_a_ratio_in_a_bin_is_the_ratio_of_bins(over_angle):
-    pair = [("torque", "current")]
-    options = {"pairs": pair, "bin_size": 3, "max_order": 3}
-    real, imag = OrderCrossSpectrum(4, **options).fit_transform(over_angle)[0]
-    bins = make_pipeline(
-        OrderCrossSpectrum(4, kind="cross", pairs=pair), BinTransformer(edges=[0, 3])
-    ).fit_transform(over_angle)[0]
-    psd = make_pipeline(OrderPSD(4), BinTransformer(edges=[0, 3]))
-    np.testing.assert_allclose([real, imag], bins / psd.fit_transform(over_angle)[0, 0], rtol=1e-9)
-
-
-def test_bins_end_at_the_highest_order_unless_told(over_angle):
-    estimator = OrderCrossSpectrum(4, bin_size=3).fit(over_angle)
-    assert estimator.bins_[-1] == (15, 16)
-    assert estimator.get_feature_names_out()[5] == "torque*current:response.real@15-16"
 
 
 # scikit-learn
@@ -270,12 +243,6 @@ def test_a_stuck_sensor_has_no_response_whatever_its_level(level, kind):
         OrderCrossSpectrum(4).fit_transform(rows)
 
 
-def test_another_theta_s_is_refused(over_angle):
-    other = OrderResampler(TURN / 40, min_speed=1.0).fit_transform([drive()])
-    with pytest.raises(ValueError, match=r"OrderCrossSpectrum was fitted on.*Use the same theta_s"):
-        OrderCrossSpectrum(4).fit(over_angle).transform(other)
-
-
 @pytest.mark.parametrize(
     ("X", "error", "match"),
     [
@@ -316,11 +283,3 @@ def test_the_logarithm_of_nothing_is_refused():
     rows = RESAMPLER.fit_transform([Recording(signals, 500, angle=run.angle)])
     with pytest.raises(ValueError, match=r"recording 0: some value exceeds.*logarithm of 0"):
         OrderCrossSpectrum(4, form="log").fit_transform(rows)
-
-
-def test_a_pipeline_names_the_columns_of_chosen_pairs():
-    pipe = make_pipeline(
-        RESAMPLER, OrderCrossSpectrum(4, pairs=[("error", "torque")], bin_size=2, max_order=2)
-    ).fit([drive()])
-    names = ["error*torque:response.real@0-2", "error*torque:response.imag@0-2"]
-    assert list(pipe.get_feature_names_out()) == names

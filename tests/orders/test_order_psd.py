@@ -70,13 +70,6 @@ def test_a_fractional_number_of_samples_per_revolution_is_not_rounded(samples):
     np.testing.assert_allclose(orders, np.arange(251) * samples / 500, rtol=1e-14)
 
 
-def test_a_tone_has_its_order_at_a_fractional_number_of_samples_per_revolution():
-    theta_s = TURN / 99.6
-    rows = [np.sin(7.25 * theta_s * np.arange(20_000))]
-    psd = OrderPSD(16, theta_s=theta_s).fit(rows)
-    assert psd.orders_[psd.transform(rows)[0].argmax()] == pytest.approx(7.25, abs=0.01)
-
-
 @pytest.mark.parametrize("theta_s", [64, 128.0, 3.2])
 def test_a_number_of_samples_in_place_of_an_angle_step_is_refused_with_the_remedy(theta_s):
     recording = Recording({"a": RNG.standard_normal(600)}, 600, velocity=np.full(600, 40.0))
@@ -154,13 +147,6 @@ def test_a_single_short_row_names_its_length_and_the_remedy():
 
 
 # Defaults
-
-
-def test_by_default_a_segment_is_16_revolutions_long():
-    rows = [RNG.standard_normal(2000)]
-    psd = OrderPSD(theta_s=TURN / 25).fit(rows)
-    assert psd.n_per_segment_ == 400
-    np.testing.assert_array_equal(psd.transform(rows)[0], order_psd(rows[0], 25)[1])
 
 
 @pytest.mark.parametrize("estimator", [OrderPSD, OrderCrossSpectrum])

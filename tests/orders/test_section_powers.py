@@ -57,28 +57,6 @@ def test_a_mean_far_above_a_signal_in_float32_changes_nothing(name, length):
     np.testing.assert_allclose(found, expected, atol=1e-12 * expected.max())
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("length", [64, 512, 4096])
-def test_no_tone_above_the_lines_wanted_aliases_onto_them(length):
-    n_lines = length // 16
-    orders = np.arange(n_lines, length // 2)
-    if len(orders) > 300:  # those next to where lines alias onto the wanted ones, and some others
-        aliasing = np.abs(orders - length // 4 * np.round(4 * orders / length)) < n_lines
-        orders = np.union1d(orders[aliasing], orders[::7])
-    turns = np.outer(orders, np.arange(length)) % length / length
-    tones = np.sin(2 * np.pi * turns + 1)
-    powers = segment_powers("numba", tones, 0, length, np.ones(length), 1, n_lines, False)
-    assert np.sqrt(powers.max()) < 2e-14 * length / 2
-
-
-@both_kernels
-def test_each_of_the_lowest_lines_has_the_power_of_its_tone(name):
-    lines = np.arange(1, 32)
-    tones = np.sin(2 * np.pi / 512 * np.outer(lines, np.arange(512)))
-    powers = segment_powers(name, tones, 0, 512, np.ones(512), 1, 32, True)
-    np.testing.assert_allclose(powers, 256.0**2 * np.eye(32)[1:], atol=1e-12 * 256**2)
-
-
 @both_kernels
 def test_the_mean_is_kept_unless_it_is_to_be_removed(name):
     signals = np.full((1, 524), 2.0)

@@ -82,13 +82,6 @@ def test_meta_does_not_count(calls, tmp_path):
     assert len(calls) == 1
 
 
-def test_padded_and_whole_segments_are_kept_apart(calls, tmp_path):
-    X = over_angle(run())
-    for short in ("raise", "pad"):
-        OrderPSD(4, memory=tmp_path, short=short).fit_transform(X)
-    assert len(calls) == 2
-
-
 @pytest.mark.parametrize(
     "other",
     [

@@ -5,30 +5,25 @@
 #include <math.h>
 #include <stdio.h>
 
-enum { N_READINGS = 12 };
-static const emacm_real TOLERANCE = ${tolerance};
 ${check_tables}
 
 int main(void)
 {
     static emacm_state s;
-    emacm_real samples[EMACM_CHANNELS], worst, apart;
-    uint32_t noise, i, k, size;
+    emacm_real samples[EMACM_CHANNELS], velocity, worst, apart;
+    uint32_t noise, i, size;
     int number, c, reading, failed, n_failed = 0;
     for (number = 0; number < N_READINGS; number++) {
         noise = (uint32_t)number + 1;
         size = N_SAMPLES[number];
         emacm_reset(&s);
         for (i = 0, reading = 0; i < size && !reading; i++) {
-            uint32_t rest = 16 * i % size;
-            int64_t speed;
-            k = 16 * i / size;
-            speed = ((int64_t)KNOTS[k] * (size - rest) + (int64_t)KNOTS[k + 1] * rest) / size;
             for (c = 0; c < EMACM_CHANNELS; c++) {
                 noise = noise * 1664525u + 1013904223u;
                 samples[c] = (emacm_real)((int32_t)(noise >> 8) - 8388608) * LEVEL[number][c];
             }
-            reading = emacm_push(&s, samples, (emacm_real)speed * SPEED[number]);
+            velocity = (emacm_real)SECTIONS[16 * i / size] * SPEED[number];
+            reading = emacm_push(&s, samples, velocity);
         }
         if (!reading)
             emacm_finish(&s);

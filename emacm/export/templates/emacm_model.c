@@ -10,14 +10,6 @@ typedef emacm_real real;
 #define SAMPLES(s, q) ((s)->held[(q) % EMACM_HELD])
 #define VELOCITY(s, q) ((s)->velocity[(q) % EMACM_HELD])
 
-enum { MARGIN = ${margin}, FIRST = ${first}, HALF = ${half}, STEP = ${step}, REACH = ${reach} };
-static const int N_RADICES = ${n_radices}, DETREND = ${detrend}, DELAY = ${delay};
-static const uint32_t MEAN_OF = ${mean_of}, MAX_GAP = ${max_gap};
-static const real POINTS = ${points}; /* of the fine grid, for the sum of two velocities */
-static const real LIMIT = ${limit}, LIMIT_REST = ${limit_rest}; /* of the sums of a reading */
-static const real MIN_SPEED = ${min_speed}, MAX_REVERSAL = ${max_reversal};
-static const real LAG = ${lag}, TAIL_RANGE = ${tail_range}, ROUNDING = ${rounding}, TIED = ${tied};
-static const int TURNS[2] = {${turns}}; /* whether forward and reverse strokes are resampled */
 ${tables}
 const char *const emacm_classes[EMACM_CLASSES] = {${classes}};
 const char *const emacm_decisions[EMACM_DECISIONS] = {${decisions}};
@@ -82,21 +74,16 @@ static void line_of(const real *z, uint32_t k, real *re, real *im)
     *im = (a[1] - b[1]) / 2 + COSINE[k] * odd_im - SINE[k] * odd_re;
 }
 
-/* Transform a windowed segment; of the constant 1, what the resampling lacks. */
+/* Transform a windowed segment. */
 static void transform_segment(emacm_state *s, const real *ring, uint32_t start, int row)
 {
-    uint32_t i, k = start % EMACM_RING;
-    real mean = 0, value, *z = s->work;
-    for (i = 0; i < EMACM_SEGMENT; i++, k = k + 1 == EMACM_RING ? 0 : k + 1) {
-        value = row == EMACM_CHANNELS ? 1 - ring[k] : ring[k];
-        z[2 * PLACES[i / 2] + (i & 1)] = value;
-        mean += value;
-    }
+    uint32_t i;
+    real mean = 0, *z = s->work;
+    for (i = 0; i < EMACM_SEGMENT; i++)
+        mean += ring[(start + i) % EMACM_RING];
     mean = DETREND ? mean / EMACM_SEGMENT : row == EMACM_CHANNELS ? 0 : -s->stroke.first[row];
-    for (i = 0; i < EMACM_SEGMENT; i++) {
-        value = z[2 * PLACES[i / 2] + (i & 1)];
-        z[2 * PLACES[i / 2] + (i & 1)] = (value - mean) * WINDOW[i];
-    }
+    for (i = 0; i < EMACM_SEGMENT; i++)
+        z[2 * PLACES[i / 2] + (i & 1)] = (ring[(start + i) % EMACM_RING] - mean) * WINDOW[i];
     transform(z);
 }
 
@@ -116,13 +103,9 @@ static void add_segment(emacm_state *s, int d, emacm_density *b)
                 u[2 * k + 1] = im;
             }
             for (e = BIN_FROM[k]; e < BIN_FROM[k + 1]; e++) {
-                real power = BIN_WEIGHT[e] * (re * re + im * im);
-                if (row == EMACM_CHANNELS) {
-                    b->ones[BIN_OF[e]] += power;
-                } else {
-                    b->power[row][BIN_OF[e]] += power;
+                b->power[row][BIN_OF[e]] += BIN_WEIGHT[e] * (re * re + im * im);
+                if (row < EMACM_CHANNELS)
                     b->cross[row][BIN_OF[e]] += BIN_WEIGHT[e] * (re * u[2 * k] + im * u[2 * k + 1]);
-                }
             }
         }
     }
@@ -140,7 +123,8 @@ static void emit(emacm_state *s, int d, emacm_density *b)
         for (i = 0; i < HALF; i++)
             sum += TAPS[i] * (grid[(base + FIRST + i) & mask] +
                               grid[(base + FIRST + 2 * HALF - i) & mask]);
-        s->ring[d][row][b->done % EMACM_RING] = sum;
+        /* Of the constant 1, what the resampling lacks. */
+        s->ring[d][row][b->done % EMACM_RING] = row == EMACM_CHANNELS ? 1 - sum : sum;
         grid[base & mask] = grid[(base + 1) & mask] = 0;
     }
     b->done++;
@@ -322,7 +306,7 @@ static void end_stroke(emacm_state *s)
     emacm_density *b;
     uint32_t n_angles, i;
     int d, c, kind = EMACM_KINDS > 1 && s->direction < 0;
-    real *e, mean, end, values[EMACM_ROWS];
+    real *e, *ones, mean, end, values[EMACM_ROWS];
     if (!s->direction)
         return;
     s->direction = 0;
@@ -336,6 +320,7 @@ static void end_stroke(emacm_state *s)
     for (d = 0; d < EMACM_DENSITIES - 1 && t->fastest > SPEEDS[d]; d++)
         ;
     b = &t->density[d];
+    ones = b->power[EMACM_CHANNELS];
     e = b->step;
     if (t->n < 4)
         return;
@@ -355,7 +340,7 @@ static void end_stroke(emacm_state *s)
     for (c = 0; c < EMACM_CHANNELS; c++) {
         mean = t->sum[c] / (real)(t->n < MEAN_OF ? t->n : MEAN_OF);
         for (i = 0; i < EMACM_BINS; i++)
-            s->total[c][kind][i] += b->power[c][i] + mean * (2 * b->cross[c][i] + mean * b->ones[i]);
+            s->total[c][kind][i] += b->power[c][i] + mean * (2 * b->cross[c][i] + mean * ones[i]);
     }
     s->count[kind] += b->count;
 }
@@ -398,34 +383,17 @@ static real squared_length(const real *x, const real *mean, const real *matrix, 
 }
 
 #if HAS_TYPICALITY
-/* Continued fraction of the incomplete beta function, by the method of Lentz. */
-static real beta_fraction(real a, real b, real x)
-{
-    real c = 1, d = 1 / (1 - (a + b) * x / (a + 1)), product = d, m, term;
-    int k, odd;
-    for (k = 1, m = 1; k < 300; k++, m++) {
-        for (odd = 0; odd < 2; odd++) {
-            term = odd ? -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1))
-                       : m * (b - m) * x / ((a + 2 * m - 1) * (a + 2 * m));
-            d = 1 / (1 + term * d);
-            c = 1 + term / c;
-            product *= c * d;
-        }
-        if (MATH(fabs)(c * d - 1) < TIED)
-            break;
-    }
-    return product;
-}
-
-/* Probability that Student's t is above a positive limit. */
+/* Probability that Student's t is above a positive limit: the series of the incomplete beta
+   function, whose terms are positive. */
 static real student_above(real limit)
 {
-    real a = DEGREES / 2, b = (real)0.5, ratio = limit * limit / DEGREES;
-    real x = 1 / (1 + ratio), rest = ratio / (1 + ratio), front;
-    front = MATH(exp)(LOG_BETA - a * MATH(log1p)(ratio) + b * MATH(log)(rest)) / 2;
-    if (x < (a + 1) / (a + b + 2))
-        return front * beta_fraction(a, b, x) / a;
-    return (real)0.5 - front * beta_fraction(b, a, rest) / b;
+    real a = DEGREES / 2, ratio = limit * limit / DEGREES, rest = ratio / (1 + ratio);
+    real k = 1, term = 1, sum = 1;
+    for (; term > TIED * rest * sum; k++) {
+        term *= (a + k - (real)0.5) / (a + k) / (1 + ratio);
+        sum += term;
+    }
+    return MATH(exp)(LOG_BETA - a * MATH(log1p)(ratio)) * MATH(sqrt)(rest) * sum / (2 * a);
 }
 
 /* Fraction of left-out training recordings that are at least as far from all classes. */
@@ -526,7 +494,7 @@ ${stages}
         value = UNKNOWN_LIMIT > 0 ? (real)0.5 : evidence(s->typicality);
         if (UNKNOWN_LIMIT > 0 && s->typicality <= UNKNOWN_LIMIT)
             value = (1 + evidence(s->typicality / UNKNOWN_LIMIT) / UNKNOWN_LIMIT) / 2;
-        s->unknown = isinf(value) ? 1 : UNKNOWN_PRIOR * value / (1 - UNKNOWN_PRIOR + UNKNOWN_PRIOR * value);
+        s->unknown = isinf(value) ? 1 : 1 / (1 + (1 - UNKNOWN_PRIOR) / (UNKNOWN_PRIOR * value));
     }
 #endif
     for (k = 0; k < EMACM_CLASSES; k++) {

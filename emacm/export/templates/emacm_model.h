@@ -38,8 +38,7 @@ enum { /* emacm_state.flags; with any of them but the last one, there is no deci
 typedef struct { /* a stroke, of samples of one density */
     emacm_real grid[EMACM_ROWS][EMACM_GRID];
     emacm_real tail_at[EMACM_TAIL], tail[EMACM_TAIL][EMACM_ROWS];
-    emacm_real power[EMACM_CHANNELS][EMACM_BINS], cross[EMACM_CHANNELS][EMACM_BINS];
-    emacm_real ones[EMACM_BINS];
+    emacm_real power[EMACM_ROWS][EMACM_BINS], cross[EMACM_CHANNELS][EMACM_BINS];
     emacm_real at, lost, reached, gap, step[3];
     uint32_t done, next, count, n_tail;
 } emacm_density;
