@@ -383,17 +383,34 @@ static real squared_length(const real *x, const real *mean, const real *matrix, 
 }
 
 #if HAS_TYPICALITY
-/* Probability that Student's t is above a positive limit: the series of the incomplete beta
-   function, whose terms are positive. */
+/* Continued fraction of the incomplete beta function, by the method of Lentz. */
+static real beta_fraction(real a, real b, real x)
+{
+    real c = 1, d = 1 / (1 - (a + b) * x / (a + 1)), product = d, m, term;
+    int k, odd;
+    for (k = 1, m = 1; k < 300; k++, m++) {
+        for (odd = 0; odd < 2; odd++) {
+            term = odd ? -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1))
+                       : m * (b - m) * x / ((a + 2 * m - 1) * (a + 2 * m));
+            d = 1 / (1 + term * d);
+            c = 1 + term / c;
+            product *= c * d;
+        }
+        if (MATH(fabs)(c * d - 1) < TIED)
+            break;
+    }
+    return product;
+}
+
+/* Probability that Student's t is above a positive limit. */
 static real student_above(real limit)
 {
-    real a = DEGREES / 2, ratio = limit * limit / DEGREES, rest = ratio / (1 + ratio);
-    real k = 1, term = 1, sum = 1;
-    for (; term > TIED * rest * sum; k++) {
-        term *= (a + k - (real)0.5) / (a + k) / (1 + ratio);
-        sum += term;
-    }
-    return MATH(exp)(LOG_BETA - a * MATH(log1p)(ratio)) * MATH(sqrt)(rest) * sum / (2 * a);
+    real a = DEGREES / 2, b = (real)0.5, ratio = limit * limit / DEGREES;
+    real x = 1 / (1 + ratio), rest = ratio / (1 + ratio), front;
+    front = MATH(exp)(LOG_BETA - a * MATH(log1p)(ratio) + b * MATH(log)(rest)) / 2;
+    if (x < (a + 1) / (a + b + 2))
+        return front * beta_fraction(a, b, x) / a;
+    return (real)0.5 - front * beta_fraction(b, a, rest) / b;
 }
 
 /* Fraction of left-out training recordings that are at least as far from all classes. */
