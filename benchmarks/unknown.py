@@ -509,6 +509,7 @@ def speed(n_repeats: int, n_recordings: int = 1300) -> pd.DataFrame:
             },
             n_repeats,
             clock=time.process_time,
+            warm_up=n_repeats > 1,
         )
         rows[covariance, str(shrinkage)] = {
             "fit, plain": 1e3 * spent["fit"],
