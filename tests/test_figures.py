@@ -16,7 +16,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PLACE = re.compile(r"\{([^{}:]+(?::[^{}:]+)*):([^{}:]+)\}")
-RESULT = re.compile(r"\d\.\d+|\d %|\d (?:of|to) \d|\d dB|\| -?\d+ \||\d right")
+RESULT = re.compile(r"\d\.\d+|\d %|\d (?:of|to) \d|\d (?:dB|m?s|[KMG]B|times|right)\b|\| -?\d+ \|")
 
 
 def sections():

@@ -29,11 +29,16 @@ SHORTER = {
 # Numbers of equations, sections, orders and notebooks are no results; nor are those of these texts:
 # inputs of the simulation, and figures of the thesis.
 NAMED = re.compile(r"(?:Eqs?\. \(|[Ss]ection |[Oo]rders? |doi:|\|6 ± |twice )[\d.]+")
+# Whole numbers below 100 are quantities only with a unit.
+UNITS = "%|dB|m?s|h|min|k?Hz|rev/s|rad/s|rpm|[KMG]B|m?[AgV]|kgf|times|years|units|runs|revolutions"
+NUMBER = re.compile(rf"(?<![\w.^-])(\d+\.\d+|\d{{3,}}|\d+(?= (?:{UNITS})(?!\w)))(?![\w.]*\d)( %)?")
 NOT_RESULTS = """
 0.1 A|0.25 A RMS|513 values|12.5 A², a defect 0.005 A²|√½ = 0.71|reports 72 %|0.72 (bin 11
 0.77 (bin 4|the 600 test runs|turns at 4.8 rev/s|25/2/4.8 = 2.6|severity 0.5 and|severity 0.25 in
 level 1.0 for|0.2 for the degraded|420, 1900 and 5200 Hz|is order 6.25|(14.14)|to 1000 Hz
 rises from 0 to 120 Hz|each power by 0.36|of the 120 runs|ISO 20816-3|IEC 61260-1
+34 dB stronger|of the thesis contain 21|thesis contains 21|on 40 runs of
+of 28 revolutions, at most 62 rev/s|named from 6 dB on
 """
 
 
@@ -124,7 +129,7 @@ def test_a_number_in_the_text_is_in_the_code_or_in_an_output_beside_it(path):
         for words in filter(None, re.split(r"[|\n]", NOT_RESULTS)):
             text = text.replace(words, "")
         near = printed(notebook.cells[max(0, place - 3) : place + 3])
-        for found in re.finditer(r"(?<![\w.^-])(\d+\.\d+|\d{3,}|\d+(?= %))(?![\w.]*\d)( %)?", text):
+        for found in NUMBER.finditer(text):
             value, half = float(found[1]), 0.5001 / 10 ** len(found[1].partition(".")[2])
             scales = (1, 100) if found[2] else (1,)  # a fraction may be printed
             shown = any(abs(value - scale * n) <= half for n in near for scale in scales)
