@@ -237,13 +237,13 @@ def main() -> None:
     print(header())
     few, rows = options.quick, []
     model = simulated_model()
-    X = [simulated(STATES[k % 3], 10_000 + k) for k in range(40 if few else 2100)]
+    X = [simulated(STATES[k % 3], 10_000 + k) for k in range(12 if few else 2100)]
     named = [("simulated, 7.5 revolutions each", model, X, 7.5)]
     files = sorted(Path(os.environ.get("EMACM_DATA", "")).glob("cranfield_ema/*.npz"))
     if files:
         real, y, runs = cranfield(files[0])
         fitted = cranfield_model(real, y, runs)
-        named.append(("real actuator, each recording", fitted, real[:: 40 if few else 1], 0))
+        named.append(("real actuator, each recording", fitted, real[:: 200 if few else 1], 0))
     for name, model, recordings, every in named:
         for precision in ("float64", "float32"):
             with tempfile.TemporaryDirectory() as folder:

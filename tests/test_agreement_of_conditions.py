@@ -14,8 +14,7 @@ FORMS = {
     "a function": (lambda run: (run.meta["unit"], run.meta["load"] > 5), lambda u, n: (u, n > 5)),
 }
 
-
-pairs = st.tuples(st.sampled_from("CAB"), st.sampled_from([100, 3, 20]))
+PAIRS = st.tuples(st.sampled_from("CAB"), st.sampled_from([100, 3, 20]))
 
 
 class SeenRows(ClassifierMixin, BaseEstimator):
@@ -50,9 +49,7 @@ def parts_by_evaluate(X, y, condition, role="conditions"):
 
 @settings(max_examples=9)
 @given(
-    st.lists(
-        st.tuples(st.sampled_from("CAB"), st.sampled_from([100, 3, 20])), min_size=2, max_size=5
-    ),
+    st.lists(PAIRS, min_size=2, max_size=5),
     st.sampled_from([*FORMS]),
     st.sampled_from(["runs", "units", "conditions"]),
 )
@@ -61,19 +58,11 @@ def test_the_router_the_baselines_and_evaluate_read_the_same_conditions(made, fo
     values = [value_of(*pair) for pair in made for _ in ("new", "worn")]
     assume(len(set(values)) > 1)
     y = ["new", "worn"] * len(made)
-    X = [
-        Recording(
-            {"current": [0.0, 1.0]},
-            1,
-            velocity=[1.0, 1.0],
-            meta={"unit": unit, "load": load, "number": 2 * pair + k},
-        )
-        for pair, (unit, load) in enumerate(made)
-        for k in (0, 1)
-    ]
-    expected = {
-        frozenset(row for row, other in enumerate(values) if other == value) for value in values
-    }
+    X = []
+    for number, (unit, load) in enumerate(pair for pair in made for _ in ("new", "worn")):
+        meta = {"unit": unit, "load": load, "number": number}
+        X.append(Recording({"current": [0.0, 1.0]}, 1, velocity=1.0, meta=meta))
+    expected = {frozenset(np.flatnonzero([v == value for v in values])) for value in values}
     assert parts_by_router(X, y, condition) == expected
     assert parts_by_baseline(X, y, condition) == expected
     assert parts_by_evaluate(X, y, condition, role) == expected

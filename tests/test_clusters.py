@@ -56,9 +56,8 @@ def search_of(folder):
         FunctionTransformer(np.log10),
         CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto"),
     )
-    search = GridSearchCV(
-        pipeline, GRID, cv=GroupKFold(3), scoring="neg_log_loss", refit=False, error_score="raise"
-    )
+    options = {"scoring": "neg_log_loss", "refit": False, "error_score": "raise"}
+    search = GridSearchCV(pipeline, GRID, cv=GroupKFold(3), **options)
     search.fit(folder, states, groups=units)
     best = pipeline.set_params(**search.best_params_)
     (best,) = joblib.Parallel()([joblib.delayed(best.fit)(folder, states)])
@@ -68,14 +67,11 @@ def search_of(folder):
 def assert_same_results(found, expected):
     (search, best), (search_expected, best_expected) = found, expected
     assert search.best_params_ == search_expected.best_params_
-    scores, scores_expected = (
-        np.array([s.cv_results_[f"split{fold}_test_score"] for fold in range(3)])
-        for s in (search, search_expected)
-    )
-    assert np.ptp(scores_expected) > 0
-    np.testing.assert_array_equal(scores, scores_expected)
+    for fold in range(3):
+        scores = search_expected.cv_results_[f"split{fold}_test_score"]
+        assert np.ptp(scores) > 0
+        np.testing.assert_array_equal(search.cv_results_[f"split{fold}_test_score"], scores)
     features = np.random.default_rng(2).normal(size=(9, best_expected[-1].n_features_in_))
-    assert best[-1].classes_.tolist() == ["healthy", "worn"]
     np.testing.assert_array_equal(
         best[-1].predict_log_proba(features), best_expected[-1].predict_log_proba(features)
     )

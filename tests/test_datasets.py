@@ -52,12 +52,9 @@ def test_of_two_copies_that_of_the_later_run_is_left_out(tmp_path):
     assert 0 not in set(frame["group"])
 
 
-def test_a_file_that_is_not_there_says_where_recordings_come_from(tmp_path):
+def test_a_file_that_is_not_there_or_of_another_kind_is_named(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"no file .*not part of emacm"):
         load_cranfield(tmp_path / "nothing.npz")
-
-
-def test_a_file_of_another_kind_is_told_apart(tmp_path):
     (tmp_path / "notes.npz").write_text("no arrays")
     with pytest.raises(ValueError, match=r"notes\.npz .*npz file"):
         load_cranfield(tmp_path / "notes.npz")

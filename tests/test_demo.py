@@ -18,14 +18,8 @@ from emacm.simulation import simulate_fleet
 
 def test_printed_figures_are_those_of_the_decisions_with_nine_of_ten_units_healthy(capsys):
     truths = np.repeat(["healthy", "screw"], [10, 5])
-    decisions = np.array(
-        ["healthy"] * 2
-        + ["screw"]
-        + ["inspect"] * 5
-        + ["unknown"] * 2
-        + ["screw"] * 4
-        + ["healthy"]
-    )
+    decided = ["healthy", "screw", "inspect", "unknown", "screw", "healthy"]
+    decisions = np.repeat(decided, [2, 1, 5, 2, 4, 1])
     demo.print_decisions(truths, decisions, demo.cost_matrix(9).drop(columns="inner ring"))
     printed = capsys.readouterr().out.splitlines()
     assert printed[1] == "A missed detection costs 9:"
@@ -68,7 +62,7 @@ def run(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_the_demo_prints_the_decisions_of_the_saved_model_under_both_cost_matrices(run):
+def test_the_demo_prints_its_search_and_the_decisions_of_the_saved_model_and_draws(run):
     model = load_model(run["folder"] / "simulated.emacm")
     assert model[-1].priors == demo.priors()
     pd.testing.assert_frame_equal(model[-1].cost, demo.cost_matrix(4))
@@ -79,10 +73,6 @@ def test_the_demo_prints_the_decisions_of_the_saved_model_under_both_cost_matric
         for decision, line in zip(cost.index, printed, strict=False):
             made = [np.sum(decisions[run["truths"] == name] == decision) for name in demo.STATES]
             assert line.split() == [*decision.split(), *map(str, made)]
-
-
-@pytest.mark.slow
-def test_the_demo_states_its_search_and_draws_its_picture(run):
     assert run["n_jobs"] == 3
     assert run["progress"] == "search: 48 fits\n"
     assert "best of 12 settings" in run["text"]

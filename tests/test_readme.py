@@ -110,6 +110,8 @@ def test_all_blocks_run_on_the_files_of_the_example(tmp_path, monkeypatch, capsy
     for line in lines + re.findall(r"`((?:\.venv/bin/)?emacm [^`]+)`", prose):
         program, *arguments = shlex.split(line, comments=True)
         assert Path(program).name == "emacm"
+        if arguments[0] == "example":  # was run first
+            continue
         assert main(arguments) in (0, 1), line  # 1: something was found
     decided = pd.read_csv("decisions.csv")
     assert decided["decision"].tolist() == TRUE_STATES

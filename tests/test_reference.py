@@ -8,7 +8,9 @@ import pkgutil
 import re
 from pathlib import Path
 
+import pandas
 import pytest
+import sklearn
 
 import emacm
 import emacm.displays
@@ -48,12 +50,8 @@ def resolves(name):
     return False
 
 
-@pytest.fixture(scope="module")
 def class_names():
     """Return the names of all classes of emacm, its displays, scikit-learn and pandas."""
-    import pandas
-    import sklearn
-
     names = {*dir(builtins), *dir(pandas), *emacm.displays.__all__, *emacm.__all__}
     for path in FILES:
         names |= {node.name for node in owners(path) if isinstance(node, ast.ClassDef)}
@@ -65,25 +63,13 @@ def class_names():
 
 
 @pytest.mark.slow
-def test_full_names_in_docstrings_exist():
-    broken = [
-        f"{path.name}:{line} {name}"
-        for path in FILES
-        for line, text in docstrings(path)
-        for name in DOTTED.findall(text)
-        if name.partition(".")[0] in PACKAGES and not resolves(name)
-    ]
-    assert not broken
-
-
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of scikit-learn's own modules
-def test_classes_named_in_docstrings_exist(class_names):
-    broken = [
-        f"{path.name}:{line} {name}"
-        for path in FILES
-        for line, text in docstrings(path)
-        for name in CLASSES.findall(text)
-        if name not in class_names
-    ]
+def test_full_names_and_classes_in_docstrings_exist():
+    classes, broken = class_names(), []
+    for path in FILES:
+        for line, text in docstrings(path):
+            full = [name for name in DOTTED.findall(text) if name.partition(".")[0] in PACKAGES]
+            wrong = [name for name in full if not resolves(name)]
+            wrong += [name for name in CLASSES.findall(text) if name not in classes]
+            broken += [f"{path.name}:{line} {name}" for name in wrong]
     assert not broken

@@ -14,8 +14,6 @@ from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 import emacm
-import emacm.recordings.recording
-import emacm.resampling.angle_recording
 from emacm import (
     BinTransformer,
     CostSensitiveGaussianBayes,
@@ -110,15 +108,8 @@ def test_one_search_over_all_three_steps_is_right_for_every_candidate(fleet):
         "orderpsd__revolutions": [3, 4],
         "bintransformer__bin_size": [0.5, 1],
     }
-    search = GridSearchCV(
-        monitoring(),
-        grid,
-        cv=GroupKFold(2),
-        n_jobs=2,
-        scoring=neg_expected_cost,
-        error_score="raise",
-    )
-    search.fit(X, y, groups=groups)
+    options = {"cv": GroupKFold(2), "scoring": neg_expected_cost, "error_score": "raise"}
+    search = GridSearchCV(monitoring(), grid, n_jobs=2, **options).fit(X, y, groups=groups)
     scores = search.cv_results_["mean_test_score"]
     assert len(scores) == 8
     for candidate in (0, 7):
@@ -204,9 +195,6 @@ def test_a_recording_by_itself_has_the_spectrum_it_has_among_others(over_angle, 
 # Other axes
 
 
-CONTAINERS = pytest.mark.parametrize("container", ["default", "pandas", "polars"])
-
-
 def spectra_in(container, X, theta_s=THETA_S, channels=None, **options):
     """Spectra of recordings, in a table of ours or a frame."""
     steps = make_pipeline(
@@ -215,42 +203,27 @@ def spectra_in(container, X, theta_s=THETA_S, channels=None, **options):
     return steps.set_output(transform=container).fit_transform(X)
 
 
-@pytest.mark.parametrize(
-    "other",
-    [
+@pytest.mark.parametrize("container", ["default", "pandas", "polars"])
+def test_bins_refuse_another_axis_than_that_of_fit(fleet, container):
+    X = fleet[0][:2]
+    bins = BinTransformer(max_order=12).fit(spectra_in(container, X))
+    for other in (
         {"revolutions": 5},
         {"theta_s": THETA_S / 2},
         {"channels": ["current"]},
         {"channels": ["position", "current"]},
         {"by_direction": True},
-    ],
-    ids=["revolutions", "theta_s", "channel", "order", "direction"],
-)
-@CONTAINERS
-def test_bins_refuse_another_axis_than_that_of_fit(fleet, other, container):
-    X = fleet[0][:2]
-    bins = BinTransformer(max_order=12).fit(spectra_in(container, X))
-    with pytest.raises(ValueError, match="another order axis"):
-        bins.transform(spectra_in(container, X, **other))
+    ):
+        with pytest.raises(ValueError, match="another order axis"):
+            bins.transform(spectra_in(container, X, **other))
 
 
-# Beside other features
-
-
-# An axis that was lost, and state of an earlier fit
-
-
-@pytest.mark.parametrize(
-    "change",
-    [lambda X: X[:, :20], lambda X: X.astype(np.float32), lambda X: X * 2, np.asarray],
-    ids=["columns", "float32", "scaled", "asarray"],
-)
-def test_spectra_that_lost_their_orders_are_refused_by_the_bins(spectra, change):
-    lost = change(spectra)
-    with pytest.raises(ValueError, match="orders"):
-        BinTransformer(max_order=2).fit(lost)
-    with pytest.raises(ValueError, match="orders"):
-        BinTransformer(max_order=2).fit(spectra).transform(lost)
+def test_spectra_that_lost_their_orders_are_refused_by_the_bins(spectra):
+    fitted = BinTransformer(max_order=2).fit(spectra)
+    for lost in (spectra[:, :20], spectra.astype(np.float32), spectra * 2, np.asarray(spectra)):
+        for use in (BinTransformer(max_order=2).fit, fitted.transform):
+            with pytest.raises(ValueError, match="orders"):
+                use(lost)
 
 
 ARGUMENTS = {

@@ -192,88 +192,46 @@ def test_what_readmes_commands_write_is_not_taken_for_a_part_of_the_repository()
 
 
 @pytest.mark.slow
-def test_nothing_optional_is_imported_with_a_module():
-    optional = {
+def test_modules_import_nothing_optional_private_or_of_tests():
+    names = {(m, name) for m in MODULES for name in imported_anywhere(m)}
+    private = {
         (module, name)
-        for module in MODULES
-        if not module.startswith("emacm._kernels.numba")
-        for name in imported_at_once(module)
-        if name.partition(".")[0] in OPTIONAL
-    }
-    assert not optional
-
-
-@pytest.mark.slow
-def test_nothing_private_of_another_package_is_imported():
-    assert not [
-        (module, name)
-        for module in MODULES
-        for name in imported_anywhere(module)
+        for module, name in names
         if not name.startswith(("emacm.", "__future__"))
         and any(part.startswith("_") for part in name.split("."))
-    ]
+    }
+    assert not private
+    assert not {(m, name) for m, name in names if name.partition(".")[0] in TEST_TOOLS}
+    at_once = {(m, name) for m in MODULES for name in imported_at_once(m)}
+    optional = {(m, name) for m, name in at_once if name.partition(".")[0] in OPTIONAL}
+    assert {module for module, _ in optional} <= {"emacm._kernels.numba"}
 
 
 @pytest.mark.slow
-def test_no_module_imports_a_test_tool():
-    assert not [
-        (module, name)
-        for module in MODULES
-        for name in imported_anywhere(module)
-        if name.partition(".")[0] in TEST_TOOLS
-    ]
-
-
-def loaded_by(code):
-    """Return the modules that an interpreter has loaded after some code."""
+@pytest.mark.parametrize(
+    ("code", "loaded", "not_loaded"),
+    [
+        ("import emacm", {"emacm"}, {"numpy", "sklearn", "emacm.orders.order_psd"}),
+        # pandas imports pyarrow where it is installed.
+        ("from emacm import *", {"emacm.orders.order_psd"}, OPTIONAL - {"pyarrow"}),
+    ],
+)
+def test_an_import_imports_no_more_than_it_must(code, loaded, not_loaded):
     code = f"import sys; {code}; print(*sys.modules)"
-    result = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
-    )
-    return set(result.stdout.split())
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    found = set(result.stdout.split())
+    assert loaded <= found
+    assert not not_loaded & found
 
 
-@pytest.mark.slow
-def test_importing_the_package_imports_hardly_anything():
-    assert not {"numpy", "sklearn", "emacm.orders.order_psd"} & loaded_by("import emacm")
-
-
-@pytest.mark.slow
-def test_importing_all_names_imports_nothing_optional():
-    loaded = loaded_by("from emacm import *")
-    assert "emacm.orders.order_psd" in loaded
-    assert not (OPTIONAL - {"pyarrow"}) & loaded  # which pandas imports where it is installed
-
-
-@pytest.mark.parametrize("name", sorted(set(emacm.__all__) - {"__version__"}))
-def test_public_names_come_from_the_modules_that_define_them(name):
+def test_public_names_come_from_the_modules_that_define_them():
     stub = (FOLDER / "__init__.pyi").read_text(encoding="utf-8")
-    module = getattr(emacm, name).__module__.removeprefix("emacm")
-    assert f"from {module} import {name} as {name}\n" in stub
-    assert name in dir(emacm)
+    for name in set(emacm.__all__) - {"__version__"}:
+        module = getattr(emacm, name).__module__.removeprefix("emacm")
+        assert f"from {module} import {name} as {name}\n" in stub
+        assert name in dir(emacm)
 
 
 def test_a_name_that_is_not_there_is_an_attribute_error():
     with pytest.raises(AttributeError, match="nothing"):
         emacm.nothing  # noqa: B018
-
-
-# Filled step by step, or from options that were checked.
-COLLECTED = {"FileColumns", "FileContents", "Page", "SegmentPlan", "_Position"}
-
-
-@pytest.mark.slow
-def test_dataclasses_cannot_be_changed_unless_they_draw_or_collect():
-    classes = {
-        (module, node)
-        for module in MODULES
-        for node in ast.walk(tree(module))
-        if isinstance(node, ast.ClassDef) and not node.name.endswith("Display")
-    }
-    assert not [
-        (module, node.name)
-        for module, node in classes
-        for decorator in map(ast.unparse, node.decorator_list)
-        if decorator.startswith("dataclass") and "frozen=True" not in decorator
-        if node.name not in COLLECTED
-    ]

@@ -75,7 +75,7 @@ FULL = Extent5(
     (20, 20),
     (("inner ring", "screw"), ("backlash", "lubrication"), ("ball", "phase imbalance")),
 )
-QUICK = Extent5(8, 8, 3, 2, (0.1, 1.0), 2, ("jam",), (8, 4), (("inner ring", "screw"),))
+QUICK = Extent5(8, 8, 3, 2, (0.1, 1.0), 2, ("jam",), (8, 4), (("inner ring", "screw"),), 2.0)
 VARIED = Extent5(20, 40, 4, 1, (1.0,), 0, (), (0, 0))
 VARIED_QUICK = Extent5(4, 4, 1, 1, (1.0,), 0, (), (0, 0), duration=1.5)
 

@@ -28,7 +28,7 @@ def simulate_actuator(
 ) -> Recording:
     """Simulate one run of an actuator that moves back and forth. All sizes are assumed.
 
-    A motor of 12 poles moves a ball screw in strokes of 28 revolutions, at most 61 rev/s, against
+    A motor of 12 poles moves a ball screw in strokes of 28 revolutions, at most 62 rev/s, against
     a spring. The torque modulates the current at order 6; forces on the housing excite its
     resonance at 420 Hz. Units differ in their gain, resonance, ripple and lines of healthy rolling
     elements. `benchmarks/laboratory` has models of the mechanical and electrical parts instead.

@@ -67,19 +67,6 @@ def test_table_4_4_is_read_as_100_bins_of_one_order(models):
     assert READINGS["50 orders"].max_order == 50
 
 
-def test_the_filter_takes_out_the_fundamental_of_the_current(campaign):
-    signal = campaign.signal("thesis", "current_a")
-    spectrum = signal.spectra.iloc[[0]].copy()
-    orders = [float(name.partition("@")[2]) for name in spectrum]
-    # A line reaches to its neighbours, an eighth away.
-    inside = [abs(order - 6) + 0.125 < 0.4 for order in orders]
-    assert sum(inside) == 5
-    louder = spectrum.copy()
-    louder.loc[:, inside] = 1e6
-    np.testing.assert_allclose(signal.binning.transform(louder), signal.binning.transform(spectrum))
-    np.testing.assert_array_equal(signal.binning.transform(spectrum), signal.bins.iloc[[0]])
-
-
 def test_the_lvdt_is_exposed_as_deciding_on_orders_12_and_36_of_the_healthy_unit(chapter, shares):
     lines = chapter.tables["lines that determine the decisions"]
     lvdt = lines[lines["signal"] == "LVDT"]
