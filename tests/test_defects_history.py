@@ -36,7 +36,7 @@ LAYOUT = 'fs = 1000\nvelocity = "90 rad/s"\nmeta = "{unit}_{state}_{run}"\n'
 TRAIN = ["train", "layout.toml", "files", "--labels", "state", "--groups", "unit", "--out", "m"]
 AGAIN = [*TRAIN[:2], "h.db", *TRAIN[3:], "--like", "model", "--healthy", "ok"]
 SCORE = ["score", "model", "files", "--layout", "layout.toml"]
-SPEED = ["--layout", "layout.toml", "--max-speed", "100", "--idle", "0", "--healthy", "ok"]
+SPEED = ["--layout", "layout.toml", "--max-speed", "100 rad/s", "--idle", "0", "--healthy", "ok"]
 RULE = ["--alarm-after", "2/3", "--clear-after", "2", "--every", "1", "--unit", "s"]
 
 

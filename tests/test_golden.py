@@ -163,7 +163,7 @@ def outputs():
         "live.csv",
         *with_layout,
         "--max-speed",
-        "200",
+        "2000",
         "--idle",
         "0.1",
     )

@@ -12,9 +12,9 @@ import pandas as pd
 import scipy  # scipy.signal is imported when it is used
 
 from emacm._saved import written_whole
-from emacm.commands.find import layout_of_options, parts_of_options
+from emacm.commands.find import layout_and_files, parts_of_options
 from emacm.commands.result_tables import print_json
-from emacm.files.folder import open_recording, recording_files
+from emacm.files.folder import open_recording
 from emacm.machine.fault_orders import fault_orders
 from emacm.orders.columns import parse_order_columns
 from emacm.orders.order_psd import OrderPSD
@@ -36,8 +36,7 @@ def run(options: argparse.Namespace) -> int:
     int
         0; 3 if files failed.
     """
-    layout = layout_of_options(options, recording_files(options.paths, None, options.pattern)[0])
-    paths = recording_files(options.paths, layout, options.pattern)
+    layout, paths = layout_and_files(options)
     if (options.map or (options.order and options.plot)) and len(paths) > 1:
         raise ValueError(
             f"a map, or the picture of --order, is of one file, got {len(paths)}. Name one, or use "

@@ -19,13 +19,14 @@ from sklearn.pipeline import FeatureUnion, make_pipeline
 from emacm._saved import written_whole
 from emacm.alarms.health_index import HealthIndex, health_trend
 from emacm.calibration.left_out import groups_needed
-from emacm.commands.find import parts_of_options
+from emacm.commands.find import layout_and_files, parts_of_options
 from emacm.commands.result_tables import print_json
 from emacm.commands.train import extent
 from emacm.envelopes.envelope_detector import EnvelopeDetector
-from emacm.files.folder import RecordingFolder, open_recording, recording_files
+from emacm.files.folder import RecordingFolder, open_recording
 from emacm.files.layout import Layout
 from emacm.machine.bearing_recipe import bearing_recipe
+from emacm.machine.rolling import BallScrew, Bearing
 from emacm.machine.severity_zones import severity_zone, vibration_indicators
 from emacm.models.recipes import order_levels
 from emacm.recordings.meta import read_meta
@@ -108,12 +109,15 @@ def _trend_of_files(
     This is the "latest" recording, the "latest written", or the "highest" where times are not
     known: those of the table are then the numbers of the files.
     """
-    layout = Layout.from_toml(options.layout)
     if options.machine is not None:
         severity_zone(0.0, options.machine)  # an unknown class is refused before files are read
-    paths = recording_files(options.paths, layout, options.pattern)
+    layout, paths = layout_and_files(options)
     healthy = RecordingFolder(options.healthy, layout, options.pattern)
-    groups = read_meta(healthy, options.groups, role="--groups")
+    groups, alone = [*range(len(healthy))], ""
+    if options.groups is not None:
+        groups = read_meta(healthy, options.groups, role="--groups")
+    else:
+        alone = "Each healthy file counts as a run. If they are parts of runs, give --groups FIELD."
     units = None if options.unit is None else read_meta(healthy, options.unit, role="--unit")
     new_units, times = units_and_times(paths, layout, options.unit, options.time)
     doubt, judged = "", "latest"
@@ -122,20 +126,22 @@ def _trend_of_files(
         times = [*range(len(paths))] if judged == "highest" else times
     max_order, revolutions, _ = extent(healthy, options)
     speed, parts = options.min_speed, parts_of_options(options)
-    if parts:
-        recipe = bearing_recipe(parts, revolutions=revolutions, min_speed=speed)
-        steps = [step for _, step in recipe.steps]
-    else:
+    rolling = [part for part in parts if isinstance(part, (Bearing, BallScrew))]
+    spectra: list[tuple[str, Any]] = []
+    if rolling:
+        lines = bearing_recipe(rolling, revolutions=revolutions, min_speed=speed)
+        spectra.append(("lines", lines))
+    if len(rolling) < len(parts) or not parts:  # of gears and shafts, in bins of all orders
         levels = order_levels(max_order, revolutions, speed)
         envelope = make_pipeline(EnvelopeDetector("full", squared=False), *map(clone, levels))
-        steps = [FeatureUnion([("signal", make_pipeline(*levels)), ("envelope", envelope)])]
+        spectra += [("signal", make_pipeline(*levels)), ("envelope", envelope)]
     index = HealthIndex(options.false_alarm, few_groups="log-normal")
-    model = make_pipeline(*steps, index)
+    model = make_pipeline(FeatureUnion(spectra), index)
     model.fit(healthy, healthindex__groups=groups, healthindex__units=units)
     recordings = [open_recording(path, layout) for path in paths]
     table = health_trend(model, recordings, unit=new_units, time=times)
     rows: list[dict[str, Any]] = [{} for _ in range(len(table))]
-    names = [f"{name} [dB]" for name in model[:-1].get_feature_names_out()]
+    names = lines.get_feature_names_out() if rolling else []
     for own, row in zip(rows, table.itertuples(), strict=True):
         if not row.error:
             recording = open_recording(row.recording, layout)
@@ -144,10 +150,11 @@ def _trend_of_files(
                 own |= vibration_indicators(recording, options.machine, min_speed=speed)
             if caught:
                 own["remarks"] = "; ".join(str(item.message) for item in caught)
-            if parts:
-                own |= dict(zip(names, model[:-1].transform([recording])[0], strict=True))
+            if rolling:
+                found = zip(names, lines.transform([recording])[0], strict=True)
+                own |= {f"{name} [dB]": level for name, level in found}
     table = table.join(pd.DataFrame(rows, index=table.index))
-    remarks = [doubt, _of_zones(table, options.machine)]
+    remarks = [alone, doubt, _of_zones(table, options.machine)]
     n_groups = index.left_out_.groupby("baseline")["group"].nunique().to_dict()
     return table, n_groups, [text for text in remarks if text], judged
 

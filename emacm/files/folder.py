@@ -283,7 +283,7 @@ def open_recording(
                     f"{printable(file)}: there is no second file {printable(second)}."
                 )
         states = tuple(FileState.of(str(one)) for one in (file, *others))
-        return _opened(layout, states, layout.meta_of(file))
+        return _opened(layout, states, layout.known_meta(file))
 
 
 def _opened(

@@ -69,7 +69,7 @@ def here(bench, monkeypatch):
 
 
 def run(*arguments, source="stream.csv"):
-    options = ["--layout", "layout.toml", "--max-speed", "100", *arguments]
+    options = ["--layout", "layout.toml", "--max-speed", "100 rad/s", *arguments]
     return main(["monitor", "model.emacm", source, *options])
 
 
@@ -135,7 +135,7 @@ def test_a_file_that_grows_is_followed(here):
     path = here / "growing.csv"
     rows = rows_of(False, 30)
     path.write_text("vib,speed\n" + "".join(rows[:1000]))
-    options = ["--layout", "layout.toml", "--max-speed", "100", "--every", "2", "--unit", "s"]
+    options = ["--layout", "layout.toml", "--max-speed", "100 rad/s", "--every", "2", "--unit", "s"]
     arguments = [sys.executable, "-m", "emacm", "monitor", "model.emacm", str(path), *options]
     with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as process:
         for start in range(1000, N, 500):
@@ -215,7 +215,7 @@ def test_a_stream_without_rows_is_named(here, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--max-speed", "-3"), "--max-speed: expected a number above 0"),
+        (("--max-speed", "-3"), "--max-speed: expected a speed above 0, in rpm or as"),
         (("--state", "x", "-"), "needs a file"),
     ],
 )
@@ -272,7 +272,7 @@ def test_an_alarm_is_told_when_it_is_raised_and_when_it_is_cleared(here, capsys)
     assert (alarm["state"], alarm["since"], alarm["time"]) == ("cleared", at(8), at(14))
 
 
-@pytest.mark.parametrize("option", [("--min-speed", "95"), ("--quiet", "30")])
+@pytest.mark.parametrize("option", [("--min-speed", "910"), ("--quiet", "30")])
 def test_there_are_no_alarms_of_a_slow_shaft_and_just_after_its_start(here, capsys, option):
     assert run("--idle", "0", *ALARMS, *RULE, *option) == 0
     records = printed(capsys)
@@ -292,7 +292,7 @@ def test_a_killed_run_loses_no_record_and_no_change_of_an_alarm(here, capsys):
     rows = [*rows_of(False, 40), *rows_of(True, 41), *rows_of(False, 42)]
     (here / "killed.csv").write_text("vib,speed\n" + "".join(rows))
     options = [*ALARMS, *RULE, "--every", "0.1", "--sink", "killed.sqlite", "--state", "k.state"]
-    arguments = ["--layout", "layout.toml", "--max-speed", "100", "--idle", "0", *options]
+    arguments = ["--layout", "layout.toml", "--max-speed", "100 rad/s", "--idle", "0", *options]
     command = [sys.executable, "-m", "emacm", "monitor", "model.emacm", "killed.csv", *arguments]
     lines = []
     for pause in (0.0, 0.02):  # killed at two places after its first record, and then not
