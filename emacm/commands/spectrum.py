@@ -192,7 +192,7 @@ def _drawn(
     revolutions: float,
 ) -> Any:
     """Return the figure of the first channel: over orders and, with --hz, over frequency below."""
-    from emacm.displays import OrderMapDisplay, OrderSpectrumDisplay, OrderTrackDisplay
+    from emacm.displays import OrderMapDisplay, OrderSpectrumDisplay, OrderTrackDisplay, hertz
     from emacm.displays.drawing import offscreen_panels
 
     first = next(iter(recordings.values()))
@@ -208,8 +208,7 @@ def _drawn(
         known |= {"over": over, "ax": panels[0, 0]} | marks
         display = OrderMapDisplay.from_recording(first, channel, **known)
         if options.hz:
-            top = highest * np.abs(first.velocity).max() / (2 * np.pi)
-            _draw_hertz_map(first, display, top, panels[1, 0])
+            hertz.draw_map(first, display, highest, panels[1, 0])
     else:
         figure, panels = offscreen_panels(2 if options.hz else 1, height=6.4 if options.hz else 4)
         table = table[(table["channel"] == channel) & table["recording"].isin([*recordings])]
@@ -219,45 +218,7 @@ def _drawn(
         lined: dict[str, Any] = {"channel": channel, "unit": unit, "max_order": highest}
         OrderSpectrumDisplay(orders, values, **lined, **marks).plot(ax=panels[0, 0])
         if options.hz:
-            _draw_hertz(recordings, channel, highest, panels[1, 0])
+            hertz.draw_spectra(recordings, channel, highest, panels[1, 0])
     if options.map or (options.order and not options.polar):
         figure.suptitle(Path(next(iter(recordings))).name, fontsize=8)
     return figure
-
-
-def _draw_hertz(recordings: dict[str, Recording], channel: str, highest: float, ax: Any) -> None:
-    """Draw power spectra over frequency, up to that of the highest order."""
-    from emacm.displays import drawing
-
-    top = 0.0
-    for number, recording in enumerate(recordings.values(), len(recordings) > 1):
-        fs, signal = recording.fs[channel], recording.signals[channel]
-        frequency, psd = scipy.signal.welch(signal, fs, nperseg=min(len(signal), int(2 * fs)))
-        style = drawing.line_style(number) if len(recordings) > 1 else {"color": drawing.PLAIN}
-        ax.plot(frequency[1:], drawing.decibels(psd[1:]), linewidth=0.8, **style)
-        top = max(top, highest * np.abs(recording.velocity).max() / (2 * np.pi))
-    ax.set_xlim(0, min(top, frequency[-1]))
-    unit = next(iter(recordings.values())).units.get(channel, "unit")
-    drawing.label_axes(ax, "frequency [Hz]", f"PSD [dB re 1 {drawing.squared(unit)}/Hz]")
-
-
-def _draw_hertz_map(recording: Recording, display: Any, top: float, ax: Any) -> None:
-    """Draw the map over frequency, in segments as long in time as the middle one of the orders."""
-    from emacm.displays import OrderMapDisplay
-    from emacm.displays.drawing import squared
-
-    channel, fs = display.channel, recording.fs[display.channel]
-    length = int(np.median(np.diff(display.intervals, axis=1)) * fs)
-    frequency, times, psd = scipy.signal.spectrogram(
-        recording.signals[channel], fs, "hann", length, length // 2
-    )
-    inside = frequency <= top
-    half = length / fs / 2
-    known = np.arange(len(recording.velocity)) / recording.shaft_fs
-    speeds = np.interp(times, known, recording.velocity)
-    intervals = np.stack([times - half, times + half], axis=1)
-    options = {"over": display.over, "channel": channel, "unit": display.unit}
-    lower = OrderMapDisplay(frequency[inside], psd[inside].T, intervals, speeds, **options)
-    lower.plot(ax=ax)
-    ax.set_ylabel("frequency [Hz]")
-    lower.colorbar_.set_label(f"PSD of {channel} [dB re 1 {squared(display.unit)}/Hz]")

@@ -77,15 +77,25 @@ def _train(options: argparse.Namespace) -> None:
     for text in _alike(labels):
         print(f"emacm: WARNING: {text}", file=sys.stderr)
     healthy = healthy_label(labels, options.healthy, "--healthy")
-    model = _recipe(X, options) if options.like is None else clone(old[-1])
-    set_costs(model, options.cost, options.priors, labels)
     print(f"{len(labels)} recordings, {len(set(groups))} groups ({options.groups})")
     print(pd.Series(labels).value_counts().sort_index().to_string())
-    if options.baseline is not None:
-        relative = FeatureBaseline(model[:-1], condition=options.baseline, healthy=healthy)
-        model = make_pipeline(relative, model[-1])
-    with parallel_config(n_jobs=options.jobs):
-        evaluation, model, features = evaluated_and_fitted(model, X, labels, groups, healthy)
+    tried: list[tuple[float, Any]] = []  # realised cost on new units, and what was found
+    for model in [clone(old[-1])] if options.like else _recipes(X, options):
+        if not tried:  # a second recipe takes the classifier of the first one
+            set_costs(model, options.cost, options.priors, labels)
+        if options.baseline is not None:
+            relative = FeatureBaseline(model[:-1], condition=options.baseline, healthy=healthy)
+            model = make_pipeline(relative, model[-1])
+        with parallel_config(n_jobs=options.jobs):
+            found = evaluated_and_fitted(model, X, labels, groups, healthy)
+        tried.append((found[0].table.loc["by unit", "realised_cost"], found))
+        if tried[-1][0] == 0:
+            break
+    if len(tried) > 1:
+        costs = " and ".join(f"{cost:.3g}" for cost, _ in tried)
+        print(f"Realised costs on new units: {costs}. The lower one is kept, a choice that these")
+        print("recordings make and judge. --max-order states one.")
+    _, (evaluation, model, features) = min(tried, key=lambda one: one[0])
     for caveat in evaluation.caveats:
         print(f"- {caveat}")
     _print_rates(final_estimator(model), evaluation, options.groups)
@@ -265,22 +275,34 @@ def extent(recordings: RecordingFolder, options: argparse.Namespace) -> tuple[fl
     return orders, length, supported
 
 
-def _recipe(recordings: RecordingFolder, options: argparse.Namespace) -> Pipeline:
-    """Return the unfitted pipeline of a recipe, and print up to which order it looks."""
+def _recipes(recordings: RecordingFolder, options: argparse.Namespace) -> Iterator[Pipeline]:
+    """Yield the unfitted pipeline of a recipe, and print up to which order it looks.
+
+    If only the files could say up to which order, a second one looks as far as they support.
+    """
     common: dict[str, Any] = {"min_speed": options.min_speed}
     if options.features == "bands":
         print("bands: third octaves")
-        return spectrum_recipe("bands", **common)
+        yield spectrum_recipe("bands", **common)
+        return
     max_order, revolutions, supported = extent(recordings, options)
-    orders = "" if options.recipe == "bearing" else f"orders up to {max_order:g}, "
-    if orders and max_order < supported:
-        orders += f"the files support {supported:g} (if states are confused, raise --max-order), "
-    print(f"{options.recipe}: {orders}segments of {revolutions:g} revolutions")
     common |= {"revolutions": revolutions}
+    segments = f"segments of {revolutions:g} revolutions"
+    if options.recipe == "bearing":
+        print(f"bearing: {segments}")
+        unknown = {"unknown": "unknown", "unknown_rate": 0.02, "temperature": "groups"}
+        classifier: Any = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", **unknown)
+        yield bearing_recipe(parts_of_options(options), classifier=classifier, **common)
+        return
+    more = f" (the files support {supported:g})" if max_order < supported else ""
+    print(f"{options.recipe}: orders up to {max_order:g}{more}, {segments}")
     if options.recipe == "actuator":
-        return actuator_recipe(max_order=max_order, **common)
-    if options.recipe == "orders":
-        return spectrum_recipe(options.features, max_order=max_order, **common)
-    unknown: dict[str, Any] = {"unknown": "unknown", "unknown_rate": 0.02, "temperature": "groups"}
-    classifier = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", **unknown)
-    return bearing_recipe(parts_of_options(options), classifier=classifier, **common)
+        yield actuator_recipe(max_order=max_order, **common)
+        return
+    first = spectrum_recipe(options.features, max_order=max_order, **common)
+    yield first
+    wide = min(supported, 150.0)  # three harmonics of a mesh of 50 teeth
+    if options.max_order is None and not parts_of_options(options) and wide > 1.5 * max_order:
+        print(f"Recordings of new units are confused: orders up to {wide:g} are tried as well.")
+        second = spectrum_recipe(options.features, max_order=wide, **common)
+        yield make_pipeline(*second[:-1], clone(first[-1]))

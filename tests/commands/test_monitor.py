@@ -112,7 +112,7 @@ def test_a_position_of_a_screw_behind_a_gear_gives_the_readings_of_the_speed(her
     run("--idle", "0", "--every", "2", "--unit", "s")
     by_speed = printed(capsys)
     options = ("--idle", "0", "--every", "2", "--unit", "s", "--layout", "screw.toml")
-    assert run(*options, "--max-speed", "1200 rpm", source="screw.csv") == 0
+    assert run(*options, "--max-speed", "1200", source="screw.csv") == 0
     by_position = printed(capsys)
     costs = [[r["expected_cost"] for r in records] for records in (by_speed, by_position)]
     np.testing.assert_allclose(*costs, rtol=1e-6)
