@@ -278,7 +278,8 @@ def extent(recordings: RecordingFolder, options: argparse.Namespace) -> tuple[fl
 def _recipes(recordings: RecordingFolder, options: argparse.Namespace) -> Iterator[Pipeline]:
     """Yield the unfitted pipeline of a recipe, and print up to which order it looks.
 
-    If only the files could say up to which order, a second one looks as far as they support.
+    It is asked for a second one if recordings of new units are confused: if nothing states up to
+    which order, that looks as far as the files support.
     """
     common: dict[str, Any] = {"min_speed": options.min_speed}
     if options.features == "bands":
@@ -296,13 +297,16 @@ def _recipes(recordings: RecordingFolder, options: argparse.Namespace) -> Iterat
         return
     more = f" (the files support {supported:g})" if max_order < supported else ""
     print(f"{options.recipe}: orders up to {max_order:g}{more}, {segments}")
+    is_stated = options.max_order is not None or bool(parts_of_options(options))
     if options.recipe == "actuator":
-        yield actuator_recipe(max_order=max_order, **common)
-        return
-    first = spectrum_recipe(options.features, max_order=max_order, **common)
+        first = actuator_recipe(max_order=max_order, **common)
+    else:
+        first = spectrum_recipe(options.features, max_order=max_order, **common)
     yield first
     wide = min(supported, 150.0)  # three harmonics of a mesh of 50 teeth
-    if options.max_order is None and not parts_of_options(options) and wide > 1.5 * max_order:
+    if options.recipe == "orders" and not is_stated and wide > 1.5 * max_order:
         print(f"Recordings of new units are confused: orders up to {wide:g} are tried as well.")
         second = spectrum_recipe(options.features, max_order=wide, **common)
         yield make_pipeline(*second[:-1], clone(first[-1]))
+    elif more:
+        print(f"Recordings of new units are confused: try --max-order {supported:g}.")
