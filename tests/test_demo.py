@@ -79,10 +79,6 @@ def test_the_demo_prints_the_decisions_of_the_saved_model_under_both_cost_matric
         for decision, line in zip(cost.index, printed, strict=False):
             made = [np.sum(decisions[run["truths"] == name] == decision) for name in demo.STATES]
             assert line.split() == [*decision.split(), *map(str, made)]
-
-
-@pytest.mark.slow
-def test_the_demo_states_its_search_and_draws_its_picture(run):
     assert run["n_jobs"] == 3
     assert run["progress"] == "search: 48 fits\n"
     assert "best of 12 settings" in run["text"]

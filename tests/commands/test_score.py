@@ -21,7 +21,6 @@ from emacm import (
     OrderResampler,
     RecordingFolder,
     save_model,
-    score,
 )
 from emacm.__main__ import main
 from emacm.commands import score as command
@@ -78,20 +77,6 @@ def test_a_pattern_chooses_files_of_folders(here, capsys):
     ]
     assert run("--pattern", "*.wav") == 2
     assert "matches '*.wav'" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_the_standard_output_is_the_table_of_score(here, capsys):
-    assert run() == 0
-    printed = pd.read_csv(io.StringIO(capsys.readouterr().out), keep_default_na=False)
-    from emacm import load_model
-
-    folder = RecordingFolder(here / "files", Layout.from_toml(here / "layout.toml"))
-    table = score(load_model(here / "model.emacm"), folder)
-    assert list(printed.columns)[: table.shape[1]] == list(table.columns)
-    assert printed["recording"].tolist() == [f"files/{path.name}" for path in folder.paths]
-    assert printed["decision"].tolist() == table["decision"].tolist()
-    np.testing.assert_array_equal(printed["P(worn)"], table["P(worn)"])
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".jsonl", ".sqlite"])
