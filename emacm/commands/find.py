@@ -14,8 +14,7 @@ import numpy as np
 import pandas as pd
 from sklearn.pipeline import make_pipeline
 
-from emacm._saved import written_whole
-from emacm.commands.result_tables import print_json
+from emacm.commands.result_tables import print_json, save_table
 from emacm.files.drafts import contents_of, draft_layout
 from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
@@ -26,7 +25,7 @@ from emacm.machine.rolling import bearing_of, designation_in, published_bearings
 from emacm.models.recipes import order_levels
 from emacm.recordings.names import printable
 from emacm.recordings.recording import Recording
-from emacm.reports.inputs import as_cell, read_parts
+from emacm.reports.inputs import read_parts
 from emacm.reports.maintenance import file_stems
 
 FOUND, FAILED = 1, 3  # exit status: a fault is named; files without an answer
@@ -62,8 +61,7 @@ def run(options: argparse.Namespace) -> int:
                 _draw(row, open_recording(path, layout), parts, options.plot, len(rows))
     table = pd.DataFrame(rows)
     if options.out is not None:
-        with written_whole(options.out) as unfinished:
-            table.map(as_cell).to_csv(unfinished, index=False)
+        save_table(table, options.out)
         print(f"Table: {printable(options.out)}", file=to)
     if options.plot is not None:
         print(f"Pictures: {printable(options.plot)}", file=to)

@@ -11,9 +11,8 @@ import numpy as np
 import pandas as pd
 import scipy  # scipy.signal is imported when it is used
 
-from emacm._saved import written_whole
 from emacm.commands.find import layout_and_files, parts_of_options
-from emacm.commands.result_tables import print_json
+from emacm.commands.result_tables import print_json, save_picture, save_table
 from emacm.files.folder import open_recording
 from emacm.machine.fault_orders import fault_orders
 from emacm.orders.columns import parse_order_columns
@@ -22,7 +21,6 @@ from emacm.orders.order_track import order_track
 from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.names import printable, unit_factor
 from emacm.recordings.recording import Recording
-from emacm.reports.inputs import as_cell
 from emacm.resampling.order_resampler import OrderResampler
 
 FAILED = 3  # exit status: files without a spectrum
@@ -64,8 +62,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         table = _spectra(recordings, highest, revolutions, options.min_speed)
     if options.csv is not None:
-        with written_whole(options.csv) as unfinished:
-            table.map(as_cell).to_csv(unfinished, index=False)
+        save_table(table, options.csv)
     if options.json:
         print_json(table)
     else:
@@ -74,9 +71,7 @@ def run(options: argparse.Namespace) -> int:
         shown = dict(list(recordings.items())[:8])  # as many as can be told apart
         if len(shown) < len(recordings):
             print(f"The picture shows the first 8 of {len(recordings)} files.", file=sys.stderr)
-        figure = _drawn(shown, table, options, highest, revolutions)
-        with written_whole(options.plot) as unfinished:
-            figure.savefig(unfinished, dpi=150, format=options.plot.suffix[1:] or "png")
+        save_picture(_drawn(shown, table, options, highest, revolutions), options.plot)
     for name, path in (("Table", options.csv), ("Picture", options.plot)):
         if path is not None:
             print(f"{name}: {printable(path)}", file=sys.stderr if options.json else sys.stdout)

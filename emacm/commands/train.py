@@ -223,11 +223,10 @@ class _Parts(NamedTuple):
                     self.classifier, features, self.labels, units=self.groups, healthy=healthy
                 )
         compared = compare(evaluations, scheme="by unit")
-        print(f"{what}, whole units held out:")
-        print(compared.summary().filter(regex=" rate|realised cost").to_string())
         differences = compared.differences.filter(regex="^realised_cost")
-        print(f"Difference of the cost from that of {name!r}:")
-        print(as_texts(differences).to_string())
+        shown = compared.summary().filter(regex=" rate|realised cost")
+        shown[f"cost above that of {name!r}"] = as_texts(differences)["realised cost"]
+        print(f"{what}, whole units held out:\n{shown.fillna('').to_string()}")
         highest = differences["realised_cost_high"]
         return [str(name) for name in highest.index[highest < 0]]
 

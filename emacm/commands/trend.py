@@ -7,7 +7,7 @@ import re
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,11 +16,10 @@ import pandas as pd
 from sklearn.base import clone
 from sklearn.pipeline import FeatureUnion, make_pipeline
 
-from emacm._saved import written_whole
 from emacm.alarms.health_index import HealthIndex, health_trend
 from emacm.calibration.left_out import groups_needed
 from emacm.commands.find import layout_and_files, parts_of_options
-from emacm.commands.result_tables import print_json
+from emacm.commands.result_tables import print_json, save_picture, save_table
 from emacm.commands.train import extent
 from emacm.envelopes.envelope_detector import EnvelopeDetector
 from emacm.files.folder import RecordingFolder, open_recording
@@ -47,12 +46,13 @@ def run(options: argparse.Namespace) -> int:
     """
     table, n_groups, remarks, judged = _trend_of_files(options)
     has_times = judged != "highest"
-    with nullcontext(sys.stdout) if options.out is None else written_whole(options.out) as out:
-        rows = table if has_times else table.assign(time="")
-        if options.json and options.out is None:
-            print_json(rows)
-        else:
-            rows.map(as_cell).to_csv(out, index=False)
+    rows = table if has_times else table.assign(time="")
+    if options.out is not None:
+        save_table(rows, options.out)
+    if options.json:
+        print_json(rows)
+    elif options.out is None:
+        rows.map(as_cell).to_csv(sys.stdout, index=False)
     whole = table[table["error"] == ""]
     latest = whole.sort_values(["unit", "time" if has_times else "index"]).groupby("unit").tail(1)
     if options.plot is not None:
@@ -60,15 +60,11 @@ def run(options: argparse.Namespace) -> int:
 
         shown = _most_urgent(table, latest)
         label = options.time or "time" if has_times else "number of the file (times not known)"
-        display = TrendDisplay(shown, time_label=label).plot()
-        with written_whole(options.plot) as unfinished:
-            display.figure_.savefig(unfinished, dpi=150, format=options.plot.suffix[1:] or "png")
+        save_picture(TrendDisplay(shown, time_label=label).plot().figure_, options.plot)
     meanings = [*_meanings(latest, n_groups), *remarks]
     is_data = options.out is None or options.json
     print(*meanings, sep="\n", file=sys.stderr if is_data else sys.stdout)
-    if options.out is not None and options.json:
-        print_json(rows)
-    elif options.out is not None:
+    if not is_data:
         for row in latest.rename(columns={"index": "value"}).itertuples():
             state = "ALARM" if row.alarm else "within the limit"
             print(f"{row.unit}: {judged} {row.value:.2f}, limit {row.limit:.2f}, {state}")
@@ -127,11 +123,14 @@ def _trend_of_files(
     max_order, revolutions, _ = extent(healthy, options)
     speed, parts = options.min_speed, parts_of_options(options)
     rolling = [part for part in parts if isinstance(part, (Bearing, BallScrew))]
+    given = {k: order for part in parts if isinstance(part, dict) for k, order in part.items()}
+    impacts = {name: order for name, order in given.items() if order not in (1, 2)}  # of a shaft
+    struck = [*rolling, impacts] if impacts else rolling
     spectra: list[tuple[str, Any]] = []
-    if rolling:
-        lines = bearing_recipe(rolling, revolutions=revolutions, min_speed=speed)
+    if struck:  # lines of the envelope
+        lines = bearing_recipe(struck, revolutions=revolutions, min_speed=speed)
         spectra.append(("lines", lines))
-    if len(rolling) < len(parts) or not parts:  # of gears and shafts, in bins of all orders
+    if len(rolling) < len(parts) or not parts:  # gears and shafts, in bins of all orders
         levels = order_levels(max_order, revolutions, speed)
         envelope = make_pipeline(EnvelopeDetector("full", squared=False), *map(clone, levels))
         spectra += [("signal", make_pipeline(*levels)), ("envelope", envelope)]
@@ -141,7 +140,7 @@ def _trend_of_files(
     recordings = [open_recording(path, layout) for path in paths]
     table = health_trend(model, recordings, unit=new_units, time=times)
     rows: list[dict[str, Any]] = [{} for _ in range(len(table))]
-    names = lines.get_feature_names_out() if rolling else []
+    names = lines.get_feature_names_out() if struck else []
     for own, row in zip(rows, table.itertuples(), strict=True):
         if not row.error:
             recording = open_recording(row.recording, layout)
@@ -150,7 +149,7 @@ def _trend_of_files(
                 own |= vibration_indicators(recording, options.machine, min_speed=speed)
             if caught:
                 own["remarks"] = "; ".join(str(item.message) for item in caught)
-            if rolling:
+            if struck:
                 found = zip(names, lines.transform([recording])[0], strict=True)
                 own |= {f"{name} [dB]": level for name, level in found}
     table = table.join(pd.DataFrame(rows, index=table.index))
