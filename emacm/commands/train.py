@@ -23,7 +23,6 @@ from emacm._checks import check_number
 from emacm.commands.find import parts_of_options
 from emacm.commands.loaded_model import set_costs
 from emacm.conditions.feature_baseline import FeatureBaseline, left_out_differences
-from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import final_estimator
 from emacm.evaluation.comparison import compare
 from emacm.evaluation.evaluate import evaluate
@@ -36,7 +35,7 @@ from emacm.machine.fault_orders import fault_series
 from emacm.models.baselines import evaluated_and_fitted
 from emacm.models.evidence import training_evidence
 from emacm.models.model_files import load_model, save_model
-from emacm.models.recipes import actuator_recipe, spectrum_recipe
+from emacm.models.recipes import actuator_recipe, recipe_classifier, spectrum_recipe
 from emacm.recordings.digests import model_digest
 from emacm.recordings.meta import read_meta
 from emacm.recordings.names import printable
@@ -290,9 +289,8 @@ def _recipes(recordings: RecordingFolder, options: argparse.Namespace) -> Iterat
     segments = f"segments of {revolutions:g} revolutions"
     if options.recipe == "bearing":
         print(f"bearing: {segments}")
-        unknown = {"unknown": "unknown", "unknown_rate": 0.02, "temperature": "groups"}
-        classifier: Any = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", **unknown)
-        yield bearing_recipe(parts_of_options(options), classifier=classifier, **common)
+        common["classifier"] = recipe_classifier()
+        yield bearing_recipe(parts_of_options(options), **common)
         return
     more = f" (the files support {supported:g})" if max_order < supported else ""
     print(f"{options.recipe}: orders up to {max_order:g}{more}, {segments}")

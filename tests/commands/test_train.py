@@ -212,7 +212,7 @@ def test_sidebands_of_a_mesh_above_order_20_are_learned_without_an_option(
     monkeypatch.chdir(tmp_path)
     Path("files").mkdir()
     angle = 2 * np.pi * 16 * np.arange(2 * N) / 2560
-    for number in range(24):
+    for number in range(16):
         rng = np.random.default_rng(number)
         depth = 0.5 if number % 2 else 0.02
         mesh = (1 + depth * np.cos(0.7 * angle)) * np.cos(41.5 * angle)
