@@ -189,7 +189,7 @@ def _spectrum(command: Add) -> None:
     add("--hz", bool, None, "frequency in Hz below: a resonance stays at its frequency")
     _add_parts(add)
     _add_speed(add)
-    _add_extent(add)
+    _add_extent(add, "at least 50")
     add("--plot", _writable, "PNG", "picture")
     add("--csv", _writable, "CSV", "table")
     add("--json", bool, None, "table as JSON on standard output")
@@ -251,7 +251,7 @@ def _train(command: Add) -> None:
     baseline = "subtract healthy features of each unit or sensor: a field of the layout's meta"
     add("--baseline", str, "FIELD", baseline)
     add("--json", bool, None, "its model card as JSON on standard output")
-    _add_extent(add)
+    _add_extent(add, "20, or more if new units are confused")
     _add_costs(add)
     add("--note", str, "TEXT", "text that is stored in the model file")
     add("--intended-use", str, "TEXT", "what the model is for, for its model card")
@@ -388,7 +388,7 @@ def _trend(command: Add) -> None:
     add("--machine", str, "CLASS", machine)
     add("--json", bool, None, "table as JSON on standard output")
     add("--fail-on-alarm", bool, None, "exit status 1 if a unit exceeds its limit")
-    _add_extent(add)
+    _add_extent(add, "20")
 
 
 def _export(command: Add) -> None:
@@ -533,9 +533,9 @@ def _add_costs(add: Add) -> None:
     add("--priors", str, "P", "'uniform', or as in healthy=0.9,inner=0.04,outer=0.06")
 
 
-def _add_extent(add: Add) -> None:
+def _add_extent(add: Add, otherwise: str) -> None:
     """Add the range of the order spectra."""
-    orders = "highest order; default: 4 times that of the parts, or 20, if all files support it"
+    orders = f"highest order; default: 4 times that of the parts, or {otherwise}, if files have it"
     add("--max-order", _above_zero, "N", orders)
     length = "revolutions per segment; default: half of the shortest recording, at most 16"
     add("--revolutions", _above_zero, "N", length)

@@ -131,10 +131,11 @@ class Layout:
     meta : str, DataFrame or mapping, optional
         Pattern of the file names, as ``"{unit}_{state}_{run:d}.mat"`` (without a suffix, it is
         matched against the name without its suffix; ``:d`` makes an integer, ``:g`` a number; in
-        names of new files {state}, or {label}, {class}, {condition}, {fault}, may be missing), or
-        a table: a DataFrame whose index or column "file" has the names of the files, or a mapping
-        from names to mappings. A text that ends with ".csv" is the path of such a table. Names may
-        begin with folders, ``"bench/A_07.csv"``; of several that match, the longest path is taken.
+        names of new files {state}, or {label}, {class}, {condition}, {fault}, may be missing; a
+        file that does not match has no meta, which is refused only where it is needed), or a table:
+        a DataFrame whose index or column "file" has the names of the files, or a mapping from names
+        to mappings. A text that ends with ".csv" is the path of such a table. Names may begin with
+        folders, ``"bench/A_07.csv"``; of several that match, the longest path is taken.
 
     Raises
     ------
