@@ -49,6 +49,7 @@ def run(options: argparse.Namespace) -> int:
         folder = RecordingFolder(options.healthy, layout, options.pattern)
         healthy = healthy_scores(folder, parts)
     rows: list[dict[str, Any]] = []
+    n_drawn = 0
     to = sys.stderr if options.json else sys.stdout
     for path in paths:
         for row in _rows(path, layout, parts, healthy):
@@ -59,12 +60,14 @@ def run(options: argparse.Namespace) -> int:
             is_found = {row["named"], row["suspected"]} - {"none", "failed", "not assessed"}
             if options.plot is not None and is_found:
                 _draw(row, open_recording(path, layout), parts, options.plot, len(rows))
+                n_drawn += 1
     table = pd.DataFrame(rows)
     if options.out is not None:
         save_table(table, options.out)
         print(f"Table: {printable(options.out)}", file=to)
     if options.plot is not None:
-        print(f"Pictures: {printable(options.plot)}", file=to)
+        where = f" in {printable(options.plot)}" if n_drawn else ", as nothing is found"
+        print(f"{n_drawn} pictures{where}", file=to)
     if options.json:
         print_json(table)
     is_missing = table["named"].isin(["not assessed", "failed"])

@@ -282,7 +282,8 @@ def _check_axes(cost: pd.DataFrame) -> None:
     if _meaning(cost.index.name) == "truth" or _meaning(cost.columns.name) == "decision":
         raise ValueError(
             f"the axes of cost are named {cost.index.name!r} (rows) and {cost.columns.name!r} "
-            "(columns), but rows are decisions and columns truths. Give cost.T, or other names."
+            "(columns), but rows are decisions and columns truths. Give cost.T (rows and columns "
+            "exchanged), or other names."
         )
 
 
