@@ -116,6 +116,8 @@ def test_a_position_of_a_screw_behind_a_gear_gives_the_readings_of_the_speed(her
     by_position = printed(capsys)
     costs = [[r["expected_cost"] for r in records] for records in (by_speed, by_position)]
     np.testing.assert_allclose(*costs, rtol=1e-6)
+    assert run(*options, "--max-speed", "800", source="screw.csv") == 3  # it turns at 859 rpm
+    assert "(859.4 and 800 rpm)" in capsys.readouterr().out
     (here / "screw.toml").write_text('angle = {currents = ["a", "b"], pole_pairs = 2}')
     assert run(*options, source="screw.csv") == 2
     assert "an angle from currents needs whole recordings" in capsys.readouterr().err

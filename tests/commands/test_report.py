@@ -180,6 +180,7 @@ def test_without_a_key_the_time_is_that_of_the_file(here):
     ("arguments", "message"),
     [
         (["--actions", "parts.toml"], "the action for"),
+        (["--actions", "actoins.toml"], "emacm: there is no file 'actoins.toml'."),
         (["--unit", "bench"], "its meta has no 'bench', only ['unit', 'state', 'day']"),
         (["--history", "layout.toml"], "must end with .csv, .jsonl or .sqlite"),
         (["--parts", "layout.toml"], "it has a table 'fs'"),
@@ -235,8 +236,3 @@ def test_results_of_all_types_are_read(tmp_path):
     table[["decision"]].to_csv(tmp_path / "u.csv", index=False)
     with pytest.raises(ValueError, match="not a table of emacm score"):
         read_results(tmp_path / "u.csv")
-
-
-def test_a_missing_table_of_actions_is_named(here, capsys):
-    assert run("report", "--actions", "actoins.toml") == 2
-    assert capsys.readouterr().err == "emacm: there is no file 'actoins.toml'.\n"
