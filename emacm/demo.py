@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import sys
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -113,13 +112,10 @@ def _search(
         "bintransformer__bin_size": [0.5, 1.0, 2.0],
     }
     print(f"search: {len(ParameterGrid(grid)) * 4} fits", file=sys.stderr, flush=True)
-    with (
-        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
-        joblib.parallel_config("threading"),  # an interruption ends threads
-    ):
+    with joblib.parallel_config("threading"):  # an interruption ends threads
         pipeline = make_pipeline(
             OrderResampler(channels=[*CHANNELS], min_speed=1.0),
-            OrderPSD(max_order=24, memory=folder),
+            OrderPSD(max_order=24),
             # Unbalance, supply and cogging are not faults, but have most of the variance.
             BinTransformer(max_order=24, stop_bands=((0, 2.5), (5.5, 6.5), (11.5, 12.5))),
             FunctionTransformer(np.log10, feature_names_out="one-to-one"),
@@ -138,7 +134,7 @@ def _search(
         search.fit(recordings, states, groups=units, **left_out)
     print(f"\nGridSearchCV, split by unit, best of {len(search.cv_results_['params'])} settings:")
     print(f"{search.best_params_}; mean cost of the folds left out: {0 - search.best_score_:.3f}")
-    return search.best_estimator_.set_params(orderpsd__memory=None)
+    return search.best_estimator_
 
 
 def draw_picture(

@@ -443,7 +443,7 @@ def monitored(plant, tmp_path, capsys):
     def follow(rows=None, *options, every="1", idle="0"):
         if rows is not None:
             (tmp_path / "log.csv").write_text("time,vib,speed\n" + "".join(rows))
-        arguments = ["--layout", str(plant / "layout.toml"), "--max-speed", "100"]
+        arguments = ["--layout", str(plant / "layout.toml"), "--max-speed", "100 rad/s"]
         arguments += ["--every", every, "--unit", "s", "--idle", idle, *options]
         status = main(
             ["monitor", str(plant / "model.emacm"), str(tmp_path / "log.csv"), *arguments]

@@ -126,7 +126,8 @@ def test_a_model_file_names_the_step_that_it_cannot_hold(tmp_path):
 
 @pytest.mark.parametrize(
     ("rows", "columns"),
-    [("true", "predicted"), ("y_true", None), (None, "Predicted label"), ("class", "action")],
+    [("true", "predicted"), ("y_true", None), (None, "Predicted label"), ("class", "action")]
+    + [("wahr", "vorhergesagt"), ("Zustand", None), (None, "Entscheidung"), ("true/decided", None)],
 )
 def test_a_cost_whose_rows_are_named_as_true_classes_is_refused(rows, columns):
     transposed = COST.T.rename_axis(index=rows, columns=columns)
@@ -134,8 +135,9 @@ def test_a_cost_whose_rows_are_named_as_true_classes_is_refused(rows, columns):
         CostSensitiveGaussianBayes(transposed).fit(*features())
     with pytest.raises(ValueError, match=r"Give cost\.T"):
         expected_cost(["inner"], ["healthy"], cost=transposed)
-    named = COST.rename_axis(index="decision", columns="true class")
-    assert expected_cost(["inner"], ["healthy"], cost=named) == 20
+    for axes in (("decision", "true class"), ("Entscheidung", "Zustand"), ("decision/true", None)):
+        named = COST.rename_axis(index=axes[0], columns=axes[1])
+        assert expected_cost(["inner"], ["healthy"], cost=named) == 20
 
 
 # Unknown states where classifiers are combined

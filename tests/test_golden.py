@@ -157,7 +157,7 @@ def outputs():
         made["trend"] = made.get("trend", "") + printed(*trend, *more) + "\n"
     table = pd.read_csv("trend.csv")[["unit", "time", "index", "limit", "alarm", "error"]]
     made["trend"] += table.round(3).to_csv(index=False)
-    watch = ("monitor", "model.skops", "live.csv", *with_layout, "--max-speed", "200")
+    watch = ("monitor", "model.skops", "live.csv", *with_layout, "--max-speed", "2000")
     watch += ("--idle", "0.1", "--every", "57", "--name", "pump", "--start", "2027-01-15T08:00")
     records = [json.loads(line) for line in printed(*watch).splitlines() if line.startswith("{")]
     keys = ("start", "end", "decision", "P(outer)", "P(unknown)", "alarms", "outside_training")

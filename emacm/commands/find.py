@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import argparse
 import sys
+import textwrap
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from sklearn.pipeline import make_pipeline
 
-from emacm._saved import written_whole
-from emacm.commands.result_tables import print_json
+from emacm.commands.result_tables import print_json, save_table
 from emacm.files.drafts import contents_of, draft_layout
 from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
+from emacm.machine.fault_orders import fault_orders
 from emacm.machine.find_faults import find_faults
 from emacm.machine.healthy_scores import healthy_scores
 from emacm.machine.rolling import bearing_of, designation_in, published_bearings
+from emacm.models.recipes import order_levels
 from emacm.recordings.names import printable
 from emacm.recordings.recording import Recording
-from emacm.reports.inputs import as_cell, read_parts
+from emacm.reports.inputs import read_parts
 from emacm.reports.maintenance import file_stems
 
 FOUND, FAILED = 1, 3  # exit status: a fault is named; files without an answer
@@ -38,13 +43,13 @@ def run(options: argparse.Namespace) -> int:
     if options.bearing and (name := designation_in(options.bearing)):
         source = published_bearings().at[name, "source"]
         print(f"emacm: geometry of {name}: {source}. Other makers may differ.", file=sys.stderr)
-    layout = layout_of_options(options, recording_files(options.paths, None, options.pattern)[0])
-    paths = recording_files(options.paths, layout, options.pattern)
+    layout, paths = layout_and_files(options)
     healthy = None
     if options.healthy is not None:
         folder = RecordingFolder(options.healthy, layout, options.pattern)
         healthy = healthy_scores(folder, parts)
     rows: list[dict[str, Any]] = []
+    n_drawn = 0
     to = sys.stderr if options.json else sys.stdout
     for path in paths:
         for row in _rows(path, layout, parts, healthy):
@@ -55,13 +60,14 @@ def run(options: argparse.Namespace) -> int:
             is_found = {row["named"], row["suspected"]} - {"none", "failed", "not assessed"}
             if options.plot is not None and is_found:
                 _draw(row, open_recording(path, layout), parts, options.plot, len(rows))
+                n_drawn += 1
     table = pd.DataFrame(rows)
     if options.out is not None:
-        with written_whole(options.out) as unfinished:
-            table.map(as_cell).to_csv(unfinished, index=False)
+        save_table(table, options.out)
         print(f"Table: {printable(options.out)}", file=to)
     if options.plot is not None:
-        print(f"Pictures: {printable(options.plot)}", file=to)
+        where = f" in {printable(options.plot)}" if n_drawn else ", as nothing is found"
+        print(f"Pictures: {n_drawn}{where}", file=to)
     if options.json:
         print_json(table)
     is_missing = table["named"].isin(["not assessed", "failed"])
@@ -76,8 +82,8 @@ def parts_of_options(options: argparse.Namespace) -> list[Any]:
     return parts + (read_parts(options.parts) if options.parts else [])
 
 
-def layout_of_options(options: argparse.Namespace, path: Path) -> Layout:
-    """Return the layout of --layout, or that of a draft which leaves nothing open.
+def layout_and_files(options: argparse.Namespace) -> tuple[Layout, list[Path]]:
+    """Return the layout of --layout, or that of a draft which leaves nothing open, and the files.
 
     Raises
     ------
@@ -85,7 +91,21 @@ def layout_of_options(options: argparse.Namespace, path: Path) -> Layout:
         If a file does not state what is needed; the message lists it.
     """
     if options.layout is not None:
-        return Layout.from_toml(options.layout)
+        layout = Layout.from_toml(options.layout)
+    else:
+        first = recording_files(options.paths, None, options.pattern)[0]
+        layout = _drafted(first, needs_shaft=options.speed is None)
+    if options.speed is not None:
+        speed = f"{options.speed:g} rpm"
+        if stated := layout.velocity or layout.angle or layout.tacho:
+            text = f"--speed {speed} is used, {stated!r} of the files is not."
+            print(f"emacm: WARNING: {text}", file=sys.stderr)
+        layout = replace(layout, angle=None, tacho=None, velocity=speed)
+    return layout, recording_files(options.paths, layout, options.pattern)
+
+
+def _drafted(path: Path, *, needs_shaft: bool) -> Layout:
+    """Return the layout of a draft, which the file must state in full."""
     contents = contents_of(path)
     if not contents.channels:
         unused = "".join(f" {name!r} is not used: {why}." for name, why in contents.unused.items())
@@ -94,22 +114,15 @@ def layout_of_options(options: argparse.Namespace, path: Path) -> Layout:
             f"select those by --pattern, and name it in a layout: velocity = {{file = ..., "
             f"column = ...}}."
         )
-    drafted = tomllib.loads(draft_layout(contents, path))
-    remarks = contents.remarks
-    if options.speed is not None:
-        if contents.shaft:
-            text = f"--speed {options.speed:g} rpm is used, {contents.shaft!r} of the files is not."
-            print(f"emacm: WARNING: {text}", file=sys.stderr)
-        drafted = {name: value for name, value in drafted.items() if name not in ("angle", "tacho")}
-        drafted["velocity"] = f"{options.speed:g} rpm"
-    elif contents.of_shaft:
-        remarks = [*remarks, contents.of_shaft]
+    remarks = [*contents.remarks]
+    if needs_shaft and contents.of_shaft:
+        remarks.append(contents.of_shaft)
     if remarks:
         raise ValueError(
             f"{printable(path)} does not state everything: {'; '.join(remarks)}. Give --speed, or "
             f"write a layout by emacm inspect {printable(path)} --draft layout.toml."
         )
-    return Layout(**drafted)
+    return Layout(**tomllib.loads(draft_layout(contents, path)))
 
 
 def _rows(path: Path, layout: Layout, parts: list[Any], healthy: Any) -> list[dict[str, Any]]:
@@ -126,14 +139,26 @@ def _rows(path: Path, layout: Layout, parts: list[Any], healthy: Any) -> list[di
 def _draw(
     row: dict[str, Any], recording: Recording, parts: list[Any], folder: Path, number: int
 ) -> None:
-    """Draw the spectrum of a channel in which a fault is named or suspected."""
-    from emacm.displays import FaultLinesDisplay
-    from emacm.displays.drawing import pyplot
+    """Draw the spectra of a channel in which a fault is named or suspected.
+
+    Shafts and gears are judged in the order spectrum, bearings in that of the envelope.
+    """
+    from emacm.displays import FaultLinesDisplay, OrderSpectrumDisplay
+    from emacm.displays.drawing import offscreen_panels
 
     folder.mkdir(parents=True, exist_ok=True)
-    display = FaultLinesDisplay.from_recording(recording, parts, channel=row["channel"])
-    display.figure_.suptitle(f"{row['recording']}: {row['named']}")
-    channel = row["channel"].replace("/", "_")
-    (stem,) = file_stems([f"{Path(row['recording']).stem}_{channel}_{number:03d}.png"])
-    display.figure_.savefig(folder / f"{stem}.png")
-    pyplot().close(display.figure_)
+    figure, (above, below) = offscreen_panels(2, height=7.5)
+    channel, lines = row["channel"], fault_orders(*parts)
+    FaultLinesDisplay.from_recording(recording, parts, channel=channel, ax=below)
+    known = 0.4 * recording.fs[channel] * 2 * np.pi / np.abs(recording.velocity).max()
+    top = min(known, max(1.2 * lines["order"].max(), below[0].get_xlim()[1]))
+    length = min(64, int(max(path.length for path in recording.paths()) / (2 * np.pi)))
+    spectrum = make_pipeline(*order_levels(top, length, 0.0)[:2]).fit([recording])
+    marks: dict[str, Any] = {"fault_orders": lines[lines["order"] > 0.1], "max_order": top}
+    OrderSpectrumDisplay.from_estimator(spectrum, [recording], channel, ax=above, **marks)
+    text = f"{row['recording']}: {row['named']}. {row['explanation']}"
+    text += ". Below: the spectrum of the prewhitened envelope."
+    figure.suptitle(textwrap.fill(text, 100), fontsize=8)
+    name = f"{Path(row['recording']).stem}_{channel.replace('/', '_')}_{number:03d}.png"
+    (stem,) = file_stems([name])
+    figure.savefig(folder / f"{stem}.png")

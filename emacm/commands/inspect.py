@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from emacm._checks import located
-from emacm._saved import write_whole, written_whole
-from emacm.commands.result_tables import print_json
+from emacm._saved import write_whole
+from emacm.commands.result_tables import print_json, save_picture
 from emacm.files.drafts import FileContents, contents_of, contents_table, draft_layout, files_table
 from emacm.files.folder import recording_files
 from emacm.recordings.names import printable
@@ -86,5 +86,4 @@ def _plot(contents: FileContents, path: Path) -> None:
         panel.set_xlim(0, max(len(values) - 1, 1) / rate)
         drawing.label_y(panel, name, contents.columns.units.get(name, "unit"))
     drawing.label_x(axes, "time [s]" if timed else "sample")
-    with written_whole(path) as unfinished:
-        axes[0].figure.savefig(unfinished, dpi=150, format=path.suffix[1:] or "png")
+    save_picture(axes[0].figure, path)

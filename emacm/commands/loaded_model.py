@@ -28,8 +28,8 @@ from emacm.recordings.meta import condition_name, read_meta
 from emacm.recordings.names import printable
 
 
-def loaded_model(options: argparse.Namespace, layout: Layout) -> Any:
-    """Return the model of a command with its costs, priors, and baseline of healthy files.
+def loaded_model(options: argparse.Namespace, layout: Layout) -> tuple[Any, RecordingFolder | None]:
+    """Return the model of a command with its costs, priors, and baseline; and the healthy files.
 
     Parameters
     ----------
@@ -46,10 +46,12 @@ def loaded_model(options: argparse.Namespace, layout: Layout) -> Any:
     model = load_model(options.model)
     check_model(model)
     set_costs(model, options.cost, options.priors)
-    takes_baseline = isinstance(model, Pipeline) and isinstance(model[0], FeatureBaseline)
-    if options.healthy is None or (options.command == "report" and not takes_baseline):
-        return model
+    if options.healthy is None:
+        return model, None
     folder = RecordingFolder(options.healthy, layout, options.pattern)
+    takes_baseline = isinstance(model, Pipeline) and isinstance(model[0], FeatureBaseline)
+    if options.command == "report" and not takes_baseline:
+        return model, folder
     model = add_baseline(model, folder, parts=parts_of_options(options) or None)
     key = model[0].condition
     for value in dict.fromkeys(read_meta(folder, key)):
@@ -57,7 +59,7 @@ def loaded_model(options: argparse.Namespace, layout: Layout) -> Any:
         text = f"{condition_name(key, value)}: a baseline of {n} healthy files"
         few = "; its own scatter is in every difference: give at least two" if n < 2 else ""
         print(f"emacm: {text}{few}.", file=sys.stderr)
-    return model
+    return model, folder
 
 
 def set_costs(

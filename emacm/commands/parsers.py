@@ -110,21 +110,21 @@ _probability = _number(float, "a number above 0 and below 1", lambda number: 0 <
 _count = _number(int, "a whole number of at least 1", lambda number: number >= 1)
 
 
-def _speed(usual: str, *, at_rest: bool = False) -> Callable[[str], float]:
-    """Return a function that reads a speed such as "400 rpm" as a number in the usual unit.
+def _speed(unit: str = "rpm", *, at_rest: bool = False) -> Callable[[str], float]:
+    """Return a function that reads a speed such as "50 rev/s" as a number in a unit.
 
-    A number without a unit is in the usual one.
+    A number without a unit is in rpm, in all commands.
     """
 
     def read(text: str) -> float:
         from emacm.recordings.names import unit_factor
 
-        number, _, unit = text.strip().partition(" ")
+        number, _, stated = text.strip().partition(" ")
         with suppress(ValueError):
-            ratio = unit_factor(unit.strip() or usual, "velocity") / unit_factor(usual, "velocity")
+            size = unit_factor(stated.strip() or "rpm", "velocity") / unit_factor(unit, "velocity")
             if float(number) > 0 or (at_rest and float(number) == 0):
-                return float(number) * ratio
-        expected = f"a number {'of at least' if at_rest else 'above'} 0 [{usual}], or as '400 rpm'"
+                return float(number) * size
+        expected = f"a speed {'of at least' if at_rest else 'above'} 0, in rpm or as '42 rad/s'"
         raise argparse.ArgumentTypeError(f"expected {expected}, got {text!r}")
 
     return read
@@ -188,8 +188,8 @@ def _spectrum(command: Add) -> None:
     add("--polar", bool, None, "polar plot of --order")
     add("--hz", bool, None, "frequency in Hz below: a resonance stays at its frequency")
     _add_parts(add)
-    add("--speed", _speed("rpm"), "RPM", "constant speed [rpm], not that of the files")
-    _add_extent(add)
+    _add_speed(add)
+    _add_extent(add, "at least 50")
     add("--plot", _writable, "PNG", "picture")
     add("--csv", _writable, "CSV", "table")
     add("--json", bool, None, "table as JSON on standard output")
@@ -222,8 +222,9 @@ def _find(command: Add) -> None:
     )
     _add_files(add, needs_layout=False)
     _add_parts(add)
-    add("--speed", _speed("rpm"), "RPM", "constant speed [rpm], not that of the files")
-    add("--healthy", _existing, "FOLDER", "files of this machine without faults")
+    _add_speed(add)
+    healthy = "files of this machine without faults; gears, shafts and [orders] need them"
+    add("--healthy", _existing, "FOLDER", healthy)
     add("--out", _writable, "CSV", "table with all scores")
     add("--plot", Path, "DIR", "folder for a picture of each finding")
     add("--json", bool, None, "table as JSON on standard output")
@@ -250,7 +251,7 @@ def _train(command: Add) -> None:
     baseline = "subtract healthy features of each unit or sensor: a field of the layout's meta"
     add("--baseline", str, "FIELD", baseline)
     add("--json", bool, None, "its model card as JSON on standard output")
-    _add_extent(add)
+    _add_extent(add, "20, or more if new units are confused")
     _add_costs(add)
     add("--note", str, "TEXT", "text that is stored in the model file")
     add("--intended-use", str, "TEXT", "what the model is for, for its model card")
@@ -292,8 +293,8 @@ def _monitor(command: Add) -> None:
     _add_model(add)
     add("source", str, "FILE", "text file that grows; - for the standard input")
     add("--layout", _existing, "L", "layout of the rows (TOML)", required=True)
-    highest = "highest speed, as '4000 rpm'; a plain number is in rad/s"
-    add("--max-speed", _speed("rad/s"), "SPEED", highest, required=True)
+    highest = "highest speed of the shaft [rpm], or with its unit, as '70 rev/s'"
+    add("--max-speed", _speed("rad/s"), "RPM", highest, required=True)
     add("--every", _above_zero, "N", "length of a reading; default: all rows")
     units = ("revolutions", "s")
     add("--unit", str, None, "unit of --every", choices=units, default="revolutions")
@@ -318,8 +319,8 @@ def _monitor(command: Add) -> None:
     add("--alarm-after", _share, "K/N", after)
     clear = "clear it after so many readings without a reason (default: 5)"
     add("--clear-after", _count, "M", clear, default=5)
-    slow = "no alarms up to this speed of the shaft, as '30 rpm'; a plain number is in rad/s"
-    add("--min-speed", _speed("rad/s", at_rest=True), "SPEED", slow, default=0.0)
+    slow = "no alarms up to this speed of the shaft [rpm]"
+    add("--min-speed", _speed("rad/s", at_rest=True), "RPM", slow, default=0.0)
     add("--quiet", float, "SECONDS", "and for so long after it does", default=0.0)
 
 
@@ -369,15 +370,16 @@ def _report(command: Add) -> None:
 def _trend(command: Add) -> None:
     add = command(
         "trend",
-        "distance from healthy files over time: of order bins, or of lines of --bearing or --parts",
+        "distance from healthy files over time: of order bins, or of the lines of bearings",
         "0; 1 if --fail-on-alarm is given and the latest recording of a unit exceeds its limit (if "
         "times are not known, any of them); 2 for invalid arguments; 3 if files failed.",
     )
     add("healthy", _existing, "HEALTHY", "folder of healthy files")
-    _add_files(add)
-    groups = "run of a healthy file: a field of the layout's meta"
-    add("--groups", str, "FIELD", groups, required=True)
+    _add_files(add, needs_layout=False)
+    groups = "run of a healthy file: a field of the layout's meta; default: each is a run"
+    add("--groups", str, "FIELD", groups)
     _add_parts(add)
+    _add_speed(add)
     _add_unit_and_time(add)
     add("--false-alarm", _probability, "P", "rate (default: 0.05)", default=0.05)
     add("--out", _writable, "CSV", "table (default: standard output)")
@@ -386,7 +388,7 @@ def _trend(command: Add) -> None:
     add("--machine", str, "CLASS", machine)
     add("--json", bool, None, "table as JSON on standard output")
     add("--fail-on-alarm", bool, None, "exit status 1 if a unit exceeds its limit")
-    _add_extent(add)
+    _add_extent(add, "20")
 
 
 def _export(command: Add) -> None:
@@ -397,8 +399,8 @@ def _export(command: Add) -> None:
     rate = "sampling rate of the channels and the velocity [Hz]"
     add("--fs", _above_zero, "N", rate, required=True)
     add("--channels", str, "A,B,...", "order of the channels of a sample")
-    fastest = "highest speed of the shaft [rad/s]; default: 1.1 times that of the training"
-    add("--max-speed", _above_zero, "N", fastest)
+    fastest = "highest speed of the shaft [rpm]; default: 1.1 times that of the training"
+    add("--max-speed", _speed("rad/s"), "RPM", fastest)
     every = "revolutions of a reading; default: those of the shortest recording of the training"
     add("--every", float, "N", every)
     kinds = ("float32", "float64")
@@ -493,8 +495,16 @@ def _add_parts(add: Add) -> None:
     """Add the parts of the machine."""
     bearing = "designation such as 6205, or balls,ball diameter,pitch diameter[,angle in degrees]"
     add("--bearing", str, "B", bearing)
-    parts = "components: tables such as [[Bearing]] with n_balls, ball_diameter, pitch_diameter"
+    parts = (
+        "components: [[Bearing]] with designation, or n_balls, ball_diameter, pitch_diameter; "
+        "[[Gear]] with teeth, mating_teeth, and ratio of its shaft; [orders], as imbalance = 1.0"
+    )
     add("--parts", _existing, "TOML", parts)
+
+
+def _add_speed(add: Add) -> None:
+    text = "constant speed [rpm], or with its unit, in place of that of the files"
+    add("--speed", _speed(), "RPM", text)
 
 
 def _check_parts(options: argparse.Namespace) -> None:
@@ -523,14 +533,14 @@ def _add_costs(add: Add) -> None:
     add("--priors", str, "P", "'uniform', or as in healthy=0.9,inner=0.04,outer=0.06")
 
 
-def _add_extent(add: Add) -> None:
+def _add_extent(add: Add, otherwise: str) -> None:
     """Add the range of the order spectra."""
-    orders = "highest order; default: 4 times that of the parts, or 20, if all files support it"
+    orders = f"highest order; default: 4 times that of the parts, or {otherwise}, if files have it"
     add("--max-order", _above_zero, "N", orders)
     length = "revolutions per segment; default: half of the shortest recording, at most 16"
     add("--revolutions", _above_zero, "N", length)
-    rest = "at rest up to this speed, as '30 rpm'; a plain number is in rad/s"
-    add("--min-speed", _speed("rad/s", at_rest=True), "SPEED", rest, default=0.0)
+    rest = "the shaft is at rest up to this speed [rpm]"
+    add("--min-speed", _speed("rad/s", at_rest=True), "RPM", rest, default=0.0)
 
 
 def _add_report_options(add: Add) -> None:

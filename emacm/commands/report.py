@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
     """
     layout = Layout.from_toml(options.layout)
     paths = recording_files(options.paths, layout, options.pattern)
-    reports = FileReports(options, layout, options.out, loaded_model(options, layout))
+    reports = FileReports(options, layout, options.out, *loaded_model(options, layout))
     history = None if options.history is None else inputs.read_results(options.history)
     last, rows = reports.write(paths, history)
     print(f"{len(paths)} reports: {printable(last)}", file=sys.stderr if options.json else None)
@@ -58,17 +58,21 @@ class FileReports:
         Of the files.
     out : Path
         Folder, or a file that ends with .html.
-    model : estimator
-        That of `loaded_model`.
+    model, healthy
+        Those of `loaded_model`.
     """
 
-    def __init__(self, options: argparse.Namespace, layout: Layout, out: Path, model: Any) -> None:
+    def __init__(
+        self,
+        options: argparse.Namespace,
+        layout: Layout,
+        out: Path,
+        model: Any,
+        healthy: RecordingFolder | None,
+    ) -> None:
         actions = None if options.actions is None else inputs.read_actions(options.actions)
         parts = parts_of_options(options) or None
-        background = None
-        if options.healthy is not None:
-            background = RecordingFolder(options.healthy, layout, options.pattern)
-        settings = read_settings(model, actions, parts, background=background)
+        settings = read_settings(model, actions, parts, background=healthy)
         facts = model_facts(model, options.model)
         facts += [("Costs", f"of {options.cost}")] if options.cost else []
         facts += [("Priors", options.priors)] if options.priors else []

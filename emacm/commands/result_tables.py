@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 from sklearn.pipeline import Pipeline
 
-from emacm._saved import write_whole
+from emacm._saved import write_whole, written_whole
 from emacm.history.records import SCHEMA, record_of
 from emacm.history.sqlite_history import History, is_history
 from emacm.models.scoring import score_columns
@@ -36,6 +36,18 @@ def print_json(table: pd.DataFrame, **others: Any) -> None:
     """
     rows = json.loads(table.to_json(orient="records", date_format="iso", double_precision=15))
     print(json.dumps({**others, "rows": rows} if others else rows, ensure_ascii=False))
+
+
+def save_table(table: pd.DataFrame, path: Path) -> None:
+    """Write a table as CSV, all of it or nothing."""
+    with written_whole(path) as unfinished:
+        table.map(as_cell).to_csv(unfinished, index=False)
+
+
+def save_picture(figure: Any, path: Path) -> None:
+    """Write a figure in the form that its name states, all of it or nothing."""
+    with written_whole(path) as unfinished:
+        figure.savefig(unfinished, dpi=150, format=path.suffix[1:] or "png")
 
 
 def result_table(

@@ -42,11 +42,11 @@ def run(options: argparse.Namespace) -> int:
         0; 1 if a decision of ``--fail-on`` was made, also if files failed; 3 if files failed.
     """
     layout = Layout.from_toml(options.layout)
-    model = loaded_model(options, layout)
+    model, healthy = loaded_model(options, layout)
     alarms = _alarms(model, options.fail_on)
     recording_files(options.paths, layout, options.pattern, may_be_empty=options.watch is not None)
     with nullcontext() if options.out is None else locked(options.out.resolve()):
-        work = _Work(model, layout, options)
+        work = _Work(model, healthy, layout, options)
         rows = work.once()
         while options.watch is not None:
             time.sleep(options.watch)
@@ -63,7 +63,9 @@ def run(options: argparse.Namespace) -> int:
 class _Work:
     """The files to decide on, and the table of results."""
 
-    def __init__(self, model: Any, layout: Layout, options: argparse.Namespace) -> None:
+    def __init__(
+        self, model: Any, healthy: Any, layout: Layout, options: argparse.Namespace
+    ) -> None:
         self._model, self._layout, self._options = model, layout, options
         digest = model_digest(model)
         costs = options.cost.read_text(encoding="utf-8") if options.cost else None
@@ -79,7 +81,7 @@ class _Work:
         if options.report is not None:
             from emacm.commands.report import FileReports  # with the displays
 
-            self._reports = FileReports(options, layout, options.report, model)
+            self._reports = FileReports(options, layout, options.report, model, healthy)
         self._done = {
             (row["recording"], "" if options.again else row["id"]): row
             for row in self._table.read()

@@ -11,10 +11,9 @@ import numpy as np
 import pandas as pd
 import scipy  # scipy.signal is imported when it is used
 
-from emacm._saved import written_whole
-from emacm.commands.find import layout_of_options, parts_of_options
-from emacm.commands.result_tables import print_json
-from emacm.files.folder import open_recording, recording_files
+from emacm.commands.find import layout_and_files, parts_of_options
+from emacm.commands.result_tables import print_json, save_picture, save_table
+from emacm.files.folder import open_recording
 from emacm.machine.fault_orders import fault_orders
 from emacm.orders.columns import parse_order_columns
 from emacm.orders.order_psd import OrderPSD
@@ -22,7 +21,6 @@ from emacm.orders.order_track import order_track
 from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.names import printable, unit_factor
 from emacm.recordings.recording import Recording
-from emacm.reports.inputs import as_cell
 from emacm.resampling.order_resampler import OrderResampler
 
 FAILED = 3  # exit status: files without a spectrum
@@ -36,8 +34,7 @@ def run(options: argparse.Namespace) -> int:
     int
         0; 3 if files failed.
     """
-    layout = layout_of_options(options, recording_files(options.paths, None, options.pattern)[0])
-    paths = recording_files(options.paths, layout, options.pattern)
+    layout, paths = layout_and_files(options)
     if (options.map or (options.order and options.plot)) and len(paths) > 1:
         raise ValueError(
             f"a map, or the picture of --order, is of one file, got {len(paths)}. Name one, or use "
@@ -65,8 +62,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         table = _spectra(recordings, highest, revolutions, options.min_speed)
     if options.csv is not None:
-        with written_whole(options.csv) as unfinished:
-            table.map(as_cell).to_csv(unfinished, index=False)
+        save_table(table, options.csv)
     if options.json:
         print_json(table)
     else:
@@ -75,9 +71,7 @@ def run(options: argparse.Namespace) -> int:
         shown = dict(list(recordings.items())[:8])  # as many as can be told apart
         if len(shown) < len(recordings):
             print(f"The picture shows the first 8 of {len(recordings)} files.", file=sys.stderr)
-        figure = _drawn(shown, table, options, highest, revolutions)
-        with written_whole(options.plot) as unfinished:
-            figure.savefig(unfinished, dpi=150, format=options.plot.suffix[1:] or "png")
+        save_picture(_drawn(shown, table, options, highest, revolutions), options.plot)
     for name, path in (("Table", options.csv), ("Picture", options.plot)):
         if path is not None:
             print(f"{name}: {printable(path)}", file=sys.stderr if options.json else sys.stdout)
@@ -193,7 +187,7 @@ def _drawn(
     revolutions: float,
 ) -> Any:
     """Return the figure of the first channel: over orders and, with --hz, over frequency below."""
-    from emacm.displays import OrderMapDisplay, OrderSpectrumDisplay, OrderTrackDisplay
+    from emacm.displays import OrderMapDisplay, OrderSpectrumDisplay, OrderTrackDisplay, hertz
     from emacm.displays.drawing import offscreen_panels
 
     first = next(iter(recordings.values()))
@@ -209,8 +203,7 @@ def _drawn(
         known |= {"over": over, "ax": panels[0, 0]} | marks
         display = OrderMapDisplay.from_recording(first, channel, **known)
         if options.hz:
-            top = highest * np.abs(first.velocity).max() / (2 * np.pi)
-            _draw_hertz_map(first, display, top, panels[1, 0])
+            hertz.draw_map(first, display, highest, panels[1, 0])
     else:
         figure, panels = offscreen_panels(2 if options.hz else 1, height=6.4 if options.hz else 4)
         table = table[(table["channel"] == channel) & table["recording"].isin([*recordings])]
@@ -220,45 +213,7 @@ def _drawn(
         lined: dict[str, Any] = {"channel": channel, "unit": unit, "max_order": highest}
         OrderSpectrumDisplay(orders, values, **lined, **marks).plot(ax=panels[0, 0])
         if options.hz:
-            _draw_hertz(recordings, channel, highest, panels[1, 0])
+            hertz.draw_spectra(recordings, channel, highest, panels[1, 0])
     if options.map or (options.order and not options.polar):
         figure.suptitle(Path(next(iter(recordings))).name, fontsize=8)
     return figure
-
-
-def _draw_hertz(recordings: dict[str, Recording], channel: str, highest: float, ax: Any) -> None:
-    """Draw power spectra over frequency, up to that of the highest order."""
-    from emacm.displays import drawing
-
-    top = 0.0
-    for number, recording in enumerate(recordings.values(), len(recordings) > 1):
-        fs, signal = recording.fs[channel], recording.signals[channel]
-        frequency, psd = scipy.signal.welch(signal, fs, nperseg=min(len(signal), int(2 * fs)))
-        style = drawing.line_style(number) if len(recordings) > 1 else {"color": drawing.PLAIN}
-        ax.plot(frequency[1:], drawing.decibels(psd[1:]), linewidth=0.8, **style)
-        top = max(top, highest * np.abs(recording.velocity).max() / (2 * np.pi))
-    ax.set_xlim(0, min(top, frequency[-1]))
-    unit = next(iter(recordings.values())).units.get(channel, "unit")
-    drawing.label_axes(ax, "frequency [Hz]", f"PSD [dB re 1 {drawing.squared(unit)}/Hz]")
-
-
-def _draw_hertz_map(recording: Recording, display: Any, top: float, ax: Any) -> None:
-    """Draw the map over frequency, in segments as long in time as the middle one of the orders."""
-    from emacm.displays import OrderMapDisplay
-    from emacm.displays.drawing import squared
-
-    channel, fs = display.channel, recording.fs[display.channel]
-    length = int(np.median(np.diff(display.intervals, axis=1)) * fs)
-    frequency, times, psd = scipy.signal.spectrogram(
-        recording.signals[channel], fs, "hann", length, length // 2
-    )
-    inside = frequency <= top
-    half = length / fs / 2
-    known = np.arange(len(recording.velocity)) / recording.shaft_fs
-    speeds = np.interp(times, known, recording.velocity)
-    intervals = np.stack([times - half, times + half], axis=1)
-    options = {"over": display.over, "channel": channel, "unit": display.unit}
-    lower = OrderMapDisplay(frequency[inside], psd[inside].T, intervals, speeds, **options)
-    lower.plot(ax=ax)
-    ax.set_ylabel("frequency [Hz]")
-    lower.colorbar_.set_label(f"PSD of {channel} [dB re 1 {squared(display.unit)}/Hz]")

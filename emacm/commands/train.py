@@ -23,7 +23,6 @@ from emacm._checks import check_number
 from emacm.commands.find import parts_of_options
 from emacm.commands.loaded_model import set_costs
 from emacm.conditions.feature_baseline import FeatureBaseline, left_out_differences
-from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import final_estimator
 from emacm.evaluation.comparison import compare
 from emacm.evaluation.evaluate import evaluate
@@ -36,7 +35,7 @@ from emacm.machine.fault_orders import fault_series
 from emacm.models.baselines import evaluated_and_fitted
 from emacm.models.evidence import training_evidence
 from emacm.models.model_files import load_model, save_model
-from emacm.models.recipes import actuator_recipe, spectrum_recipe
+from emacm.models.recipes import actuator_recipe, recipe_classifier, spectrum_recipe
 from emacm.recordings.digests import model_digest
 from emacm.recordings.meta import read_meta
 from emacm.recordings.names import printable
@@ -77,15 +76,25 @@ def _train(options: argparse.Namespace) -> None:
     for text in _alike(labels):
         print(f"emacm: WARNING: {text}", file=sys.stderr)
     healthy = healthy_label(labels, options.healthy, "--healthy")
-    model = _recipe(X, options) if options.like is None else clone(old[-1])
-    set_costs(model, options.cost, options.priors, labels)
     print(f"{len(labels)} recordings, {len(set(groups))} groups ({options.groups})")
     print(pd.Series(labels).value_counts().sort_index().to_string())
-    if options.baseline is not None:
-        relative = FeatureBaseline(model[:-1], condition=options.baseline, healthy=healthy)
-        model = make_pipeline(relative, model[-1])
-    with parallel_config(n_jobs=options.jobs):
-        evaluation, model, features = evaluated_and_fitted(model, X, labels, groups, healthy)
+    tried: list[tuple[float, Any]] = []  # realised cost on new units, and what was found
+    for model in [clone(old[-1])] if options.like else _recipes(X, options):
+        if not tried:  # a second recipe takes the classifier of the first one
+            set_costs(model, options.cost, options.priors, labels)
+        if options.baseline is not None:
+            relative = FeatureBaseline(model[:-1], condition=options.baseline, healthy=healthy)
+            model = make_pipeline(relative, model[-1])
+        with parallel_config(n_jobs=options.jobs):
+            found = evaluated_and_fitted(model, X, labels, groups, healthy)
+        tried.append((found[0].table.loc["by unit", "realised_cost"], found))
+        if tried[-1][0] == 0:
+            break
+    if len(tried) > 1:
+        costs = " and ".join(f"{cost:.3g}" for cost, _ in tried)
+        print(f"Realised costs on new units: {costs}. The lower one is kept, a choice that these")
+        print("recordings make and judge. --max-order states one.")
+    _, (evaluation, model, features) = min(tried, key=lambda one: one[0])
     for caveat in evaluation.caveats:
         print(f"- {caveat}")
     _print_rates(final_estimator(model), evaluation, options.groups)
@@ -213,11 +222,10 @@ class _Parts(NamedTuple):
                     self.classifier, features, self.labels, units=self.groups, healthy=healthy
                 )
         compared = compare(evaluations, scheme="by unit")
-        print(f"{what}, whole units held out:")
-        print(compared.summary().filter(regex=" rate|realised cost").to_string())
         differences = compared.differences.filter(regex="^realised_cost")
-        print(f"Difference of the cost from that of {name!r}:")
-        print(as_texts(differences).to_string())
+        shown = compared.summary().filter(regex=" rate|realised cost")
+        shown[f"cost above that of {name!r}"] = as_texts(differences)["realised cost"]
+        print(f"{what}, whole units held out:\n{shown.fillna('').to_string()}")
         highest = differences["realised_cost_high"]
         return [str(name) for name in highest.index[highest < 0]]
 
@@ -265,22 +273,37 @@ def extent(recordings: RecordingFolder, options: argparse.Namespace) -> tuple[fl
     return orders, length, supported
 
 
-def _recipe(recordings: RecordingFolder, options: argparse.Namespace) -> Pipeline:
-    """Return the unfitted pipeline of a recipe, and print up to which order it looks."""
+def _recipes(recordings: RecordingFolder, options: argparse.Namespace) -> Iterator[Pipeline]:
+    """Yield the unfitted pipeline of a recipe, and print up to which order it looks.
+
+    It is asked for a second one if recordings of new units are confused: if nothing states up to
+    which order, that looks as far as the files support.
+    """
     common: dict[str, Any] = {"min_speed": options.min_speed}
     if options.features == "bands":
         print("bands: third octaves")
-        return spectrum_recipe("bands", **common)
+        yield spectrum_recipe("bands", **common)
+        return
     max_order, revolutions, supported = extent(recordings, options)
-    orders = "" if options.recipe == "bearing" else f"orders up to {max_order:g}, "
-    if orders and max_order < supported:
-        orders += f"the files support {supported:g} (if states are confused, raise --max-order), "
-    print(f"{options.recipe}: {orders}segments of {revolutions:g} revolutions")
     common |= {"revolutions": revolutions}
+    segments = f"segments of {revolutions:g} revolutions"
+    if options.recipe == "bearing":
+        print(f"bearing: {segments}")
+        common["classifier"] = recipe_classifier()
+        yield bearing_recipe(parts_of_options(options), **common)
+        return
+    more = f" (the files support {supported:g})" if max_order < supported else ""
+    print(f"{options.recipe}: orders up to {max_order:g}{more}, {segments}")
+    is_stated = options.max_order is not None or bool(parts_of_options(options))
     if options.recipe == "actuator":
-        return actuator_recipe(max_order=max_order, **common)
-    if options.recipe == "orders":
-        return spectrum_recipe(options.features, max_order=max_order, **common)
-    unknown: dict[str, Any] = {"unknown": "unknown", "unknown_rate": 0.02, "temperature": "groups"}
-    classifier = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", **unknown)
-    return bearing_recipe(parts_of_options(options), classifier=classifier, **common)
+        first = actuator_recipe(max_order=max_order, **common)
+    else:
+        first = spectrum_recipe(options.features, max_order=max_order, **common)
+    yield first
+    wide = min(supported, 150.0)  # three harmonics of a mesh of 50 teeth
+    if options.recipe == "orders" and not is_stated and wide > 1.5 * max_order:
+        print(f"Recordings of new units are confused: orders up to {wide:g} are tried as well.")
+        second = spectrum_recipe(options.features, max_order=wide, **common)
+        yield make_pipeline(*second[:-1], clone(first[-1]))
+    elif more:
+        print(f"Recordings of new units are confused: try --max-order {supported:g}.")

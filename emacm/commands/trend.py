@@ -7,7 +7,7 @@ import re
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,16 +16,16 @@ import pandas as pd
 from sklearn.base import clone
 from sklearn.pipeline import FeatureUnion, make_pipeline
 
-from emacm._saved import written_whole
 from emacm.alarms.health_index import HealthIndex, health_trend
 from emacm.calibration.left_out import groups_needed
-from emacm.commands.find import parts_of_options
-from emacm.commands.result_tables import print_json
+from emacm.commands.find import layout_and_files, parts_of_options
+from emacm.commands.result_tables import print_json, save_picture, save_table
 from emacm.commands.train import extent
 from emacm.envelopes.envelope_detector import EnvelopeDetector
-from emacm.files.folder import RecordingFolder, open_recording, recording_files
+from emacm.files.folder import RecordingFolder, open_recording
 from emacm.files.layout import Layout
 from emacm.machine.bearing_recipe import bearing_recipe
+from emacm.machine.rolling import BallScrew, Bearing
 from emacm.machine.severity_zones import severity_zone, vibration_indicators
 from emacm.models.recipes import order_levels
 from emacm.recordings.meta import read_meta
@@ -46,12 +46,13 @@ def run(options: argparse.Namespace) -> int:
     """
     table, n_groups, remarks, judged = _trend_of_files(options)
     has_times = judged != "highest"
-    with nullcontext(sys.stdout) if options.out is None else written_whole(options.out) as out:
-        rows = table if has_times else table.assign(time="")
-        if options.json and options.out is None:
-            print_json(rows)
-        else:
-            rows.map(as_cell).to_csv(out, index=False)
+    rows = table if has_times else table.assign(time="")
+    if options.out is not None:
+        save_table(rows, options.out)
+    if options.json:
+        print_json(rows)
+    elif options.out is None:
+        rows.map(as_cell).to_csv(sys.stdout, index=False)
     whole = table[table["error"] == ""]
     latest = whole.sort_values(["unit", "time" if has_times else "index"]).groupby("unit").tail(1)
     if options.plot is not None:
@@ -59,15 +60,11 @@ def run(options: argparse.Namespace) -> int:
 
         shown = _most_urgent(table, latest)
         label = options.time or "time" if has_times else "number of the file (times not known)"
-        display = TrendDisplay(shown, time_label=label).plot()
-        with written_whole(options.plot) as unfinished:
-            display.figure_.savefig(unfinished, dpi=150, format=options.plot.suffix[1:] or "png")
+        save_picture(TrendDisplay(shown, time_label=label).plot().figure_, options.plot)
     meanings = [*_meanings(latest, n_groups), *remarks]
     is_data = options.out is None or options.json
     print(*meanings, sep="\n", file=sys.stderr if is_data else sys.stdout)
-    if options.out is not None and options.json:
-        print_json(rows)
-    elif options.out is not None:
+    if not is_data:
         for row in latest.rename(columns={"index": "value"}).itertuples():
             state = "ALARM" if row.alarm else "within the limit"
             print(f"{row.unit}: {judged} {row.value:.2f}, limit {row.limit:.2f}, {state}")
@@ -108,12 +105,15 @@ def _trend_of_files(
     This is the "latest" recording, the "latest written", or the "highest" where times are not
     known: those of the table are then the numbers of the files.
     """
-    layout = Layout.from_toml(options.layout)
     if options.machine is not None:
         severity_zone(0.0, options.machine)  # an unknown class is refused before files are read
-    paths = recording_files(options.paths, layout, options.pattern)
+    layout, paths = layout_and_files(options)
     healthy = RecordingFolder(options.healthy, layout, options.pattern)
-    groups = read_meta(healthy, options.groups, role="--groups")
+    groups, alone = [*range(len(healthy))], ""
+    if options.groups is not None:
+        groups = read_meta(healthy, options.groups, role="--groups")
+    else:
+        alone = "Each healthy file counts as a run. If they are parts of runs, give --groups FIELD."
     units = None if options.unit is None else read_meta(healthy, options.unit, role="--unit")
     new_units, times = units_and_times(paths, layout, options.unit, options.time)
     doubt, judged = "", "latest"
@@ -122,20 +122,25 @@ def _trend_of_files(
         times = [*range(len(paths))] if judged == "highest" else times
     max_order, revolutions, _ = extent(healthy, options)
     speed, parts = options.min_speed, parts_of_options(options)
-    if parts:
-        recipe = bearing_recipe(parts, revolutions=revolutions, min_speed=speed)
-        steps = [step for _, step in recipe.steps]
-    else:
+    rolling = [part for part in parts if isinstance(part, (Bearing, BallScrew))]
+    given = {k: order for part in parts if isinstance(part, dict) for k, order in part.items()}
+    impacts = {name: order for name, order in given.items() if order not in (1, 2)}  # of a shaft
+    struck = [*rolling, impacts] if impacts else rolling
+    spectra: list[tuple[str, Any]] = []
+    if struck:  # lines of the envelope
+        lines = bearing_recipe(struck, revolutions=revolutions, min_speed=speed)
+        spectra.append(("lines", lines))
+    if len(rolling) < len(parts) or not parts:  # gears and shafts, in bins of all orders
         levels = order_levels(max_order, revolutions, speed)
         envelope = make_pipeline(EnvelopeDetector("full", squared=False), *map(clone, levels))
-        steps = [FeatureUnion([("signal", make_pipeline(*levels)), ("envelope", envelope)])]
+        spectra += [("signal", make_pipeline(*levels)), ("envelope", envelope)]
     index = HealthIndex(options.false_alarm, few_groups="log-normal")
-    model = make_pipeline(*steps, index)
+    model = make_pipeline(FeatureUnion(spectra), index)
     model.fit(healthy, healthindex__groups=groups, healthindex__units=units)
     recordings = [open_recording(path, layout) for path in paths]
     table = health_trend(model, recordings, unit=new_units, time=times)
     rows: list[dict[str, Any]] = [{} for _ in range(len(table))]
-    names = [f"{name} [dB]" for name in model[:-1].get_feature_names_out()]
+    names = lines.get_feature_names_out() if struck else []
     for own, row in zip(rows, table.itertuples(), strict=True):
         if not row.error:
             recording = open_recording(row.recording, layout)
@@ -144,10 +149,11 @@ def _trend_of_files(
                 own |= vibration_indicators(recording, options.machine, min_speed=speed)
             if caught:
                 own["remarks"] = "; ".join(str(item.message) for item in caught)
-            if parts:
-                own |= dict(zip(names, model[:-1].transform([recording])[0], strict=True))
+            if struck:
+                found = zip(names, lines.transform([recording])[0], strict=True)
+                own |= {f"{name} [dB]": level for name, level in found}
     table = table.join(pd.DataFrame(rows, index=table.index))
-    remarks = [doubt, _of_zones(table, options.machine)]
+    remarks = [alone, doubt, _of_zones(table, options.machine)]
     n_groups = index.left_out_.groupby("baseline")["group"].nunique().to_dict()
     return table, n_groups, [text for text in remarks if text], judged
 

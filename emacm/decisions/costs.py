@@ -12,6 +12,7 @@ References
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -278,13 +279,22 @@ def _stated_pairs(
 
 def _check_axes(cost: pd.DataFrame) -> None:
     """Raise a ValueError if the names of the axes say that rows are the true classes."""
-    rows, columns = (str(axis.name).lower().replace("_", " ").split() for axis in cost.axes)
-    of_decisions = ("decision", "decided", "pred", "action")
-    if {"true", "truth", "actual"} & {*rows} or any(x.startswith(of_decisions) for x in columns):
+    if _meaning(cost.index.name) == "truth" or _meaning(cost.columns.name) == "decision":
         raise ValueError(
             f"the axes of cost are named {cost.index.name!r} (rows) and {cost.columns.name!r} "
-            "(columns), but rows are decisions and columns truths. Give cost.T, or other names."
+            "(columns), but rows are decisions and columns truths. Give cost.T (rows and columns "
+            "exchanged), or other names."
         )
+
+
+def _meaning(name: Any) -> str:
+    """Return "truth" or "decision", whichever the name of an axis says first; or ""."""
+    meanings = dict.fromkeys(("true", "truth", "actual", "state", "wahr", "zustand"), "truth")
+    meanings |= dict.fromkeys(("decision", "decided", "pred", "action"), "decision")
+    meanings |= dict.fromkeys(("entsch", "vorher"), "decision")  # entschieden, vorhergesagt
+    words = re.findall(r"[^\W\d_]+", str(name).lower())
+    found = (mean for word in words for begin, mean in meanings.items() if word.startswith(begin))
+    return next(found, "")
 
 
 def _square(cost: Any, known: list[Any], truths: list[Any]) -> NDArray[Any]:

@@ -113,7 +113,9 @@ class FaultLinesDisplay(Display):
             If an option is invalid, there is no such channel, or the recording is too short.
         """
         chosen = _tables.chosen_channels(recording, channel and [channel])[0]
-        recipe = bearing_recipe(only_damage(parts), channels=[chosen])
+        longest = max((path.length for path in recording.paths()), default=0.0) / (2 * np.pi)
+        length = min(25, max(1, int(longest)))  # as `find_faults`
+        recipe = bearing_recipe(only_damage(parts), channels=[chosen], revolutions=length)
         table = recipe[:-1].fit_transform([recording])
         (block,) = parse_order_columns(column_names(table) or ()) or ()
         spectrum = np.asarray(table)[0, block.columns]

@@ -138,13 +138,12 @@ class OrderTrackDisplay(Display):
 
     def _draw_polar(self, ax: Any, lines: dict[float, pd.DataFrame]) -> Any:
         if ax is None:
-            size = (drawing.WIDTH, drawing.WIDTH / min(len(lines), 2) * ((len(lines) + 1) // 2))
-            figure = drawing.pyplot().figure(figsize=size, layout="constrained")
             columns = min(len(lines), 2)
-            shape = (len(lines) + columns - 1) // columns, columns
-            axes = [
-                figure.add_subplot(*shape, n, projection="polar") for n in range(1, 1 + len(lines))
-            ]
+            rows = -(-len(lines) // columns)
+            size = (drawing.WIDTH, drawing.WIDTH / columns * rows)
+            figure = drawing.pyplot().figure(figsize=size, layout="constrained")
+            places = range(1, 1 + len(lines))
+            axes = [figure.add_subplot(rows, columns, n, projection="polar") for n in places]
         else:
             axes = list(drawing.panel_axes(ax, len(lines)))
         for panel, (number, (order, rows)) in zip(axes, enumerate(lines.items(), 1), strict=True):

@@ -241,10 +241,11 @@ def open_recording(
     FileNotFoundError
         If there is no such file.
     TypeError, ValueError
-        If `layout` is not a layout, or the name of the file does not match its `meta`. When samples
-        are read: if the file was changed, is damaged, or is not what the layout states; if it is
-        no file but a device or a pipe, has its samples in other files (HDF5), or states more than
-        200 times its own size (above 256 MiB), so that it would fill the memory.
+        If `layout` is not a layout, or the name of the file matches its `meta` in several ways (one
+        that does not match has no `meta`). When samples are read: if the file was changed, is
+        damaged, or is not what the layout states; if it is no file but a device or a pipe, has its
+        samples in other files (HDF5), or states more than 200 times its own size (above 256 MiB),
+        so that it would fill the memory.
 
     Warns
     -----
@@ -283,7 +284,7 @@ def open_recording(
                     f"{printable(file)}: there is no second file {printable(second)}."
                 )
         states = tuple(FileState.of(str(one)) for one in (file, *others))
-        return _opened(layout, states, layout.meta_of(file))
+        return _opened(layout, states, layout.known_meta(file))
 
 
 def _opened(
@@ -325,7 +326,7 @@ class RecordingFolder(Sequence[Recording]):
     FileNotFoundError
         If there is no such folder.
     ValueError
-        If no file matches, or the name of one does not match the `meta` of the layout.
+        If no file matches, or the name of one matches the `meta` of the layout in several ways.
 
     See Also
     --------

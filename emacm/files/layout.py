@@ -131,10 +131,11 @@ class Layout:
     meta : str, DataFrame or mapping, optional
         Pattern of the file names, as ``"{unit}_{state}_{run:d}.mat"`` (without a suffix, it is
         matched against the name without its suffix; ``:d`` makes an integer, ``:g`` a number; in
-        names of new files {state}, or {label}, {class}, {condition}, {fault}, may be missing), or
-        a table: a DataFrame whose index or column "file" has the names of the files, or a mapping
-        from names to mappings. A text that ends with ".csv" is the path of such a table. Names may
-        begin with folders, ``"bench/A_07.csv"``; of several that match, the longest path is taken.
+        names of new files {state}, or {label}, {class}, {condition}, {fault}, may be missing; a
+        file that does not match has no meta, which is refused only where it is needed), or a table:
+        a DataFrame whose index or column "file" has the names of the files, or a mapping from names
+        to mappings. A text that ends with ".csv" is the path of such a table. Names may begin with
+        folders, ``"bench/A_07.csv"``; of several that match, the longest path is taken.
 
     Raises
     ------
@@ -272,7 +273,7 @@ class Layout:
         if not self._second:
             return [first]
         pattern = getattr(self, self._second)["file"]
-        known = {"stem": first.stem} | self.meta_of(path)
+        known = {"stem": first.stem} | self.known_meta(path)
         try:
             return [first, first.parent / pattern.format_map(known)]
         except (KeyError, IndexError, ValueError, AttributeError) as error:
@@ -286,8 +287,10 @@ class Layout:
 
         Raises
         ------
-        ValueError
+        MissingMetaError
             If the name does not match the pattern, or is not in the table.
+        ValueError
+            If the name matches the pattern in several ways.
         """
         file = PurePath(printable(path))
         if self.meta is None:
@@ -298,9 +301,23 @@ class Layout:
         for key in (key for name in names for key in (name, name.removesuffix(file.suffix))):
             if key in self.meta:
                 return dict(self.meta[key])
-        raise ValueError(
+        raise MissingMetaError(
             f"the table of meta has no row for the file {file.name!r}. Add one, or leave it out."
         )
+
+    def known_meta(self, path: str | os.PathLike[str]) -> dict[Any, Any]:
+        """Return the meta of a file; empty if its name or the table states none.
+
+        Who needs a label that is missing refuses it: `find_faults` needs none.
+        """
+        try:
+            return self.meta_of(path)
+        except MissingMetaError:
+            return {}
+
+
+class MissingMetaError(ValueError):
+    """The name of a file does not match the pattern of meta, or the table has no row for it."""
 
 
 def _is_name(value: Any) -> bool:
@@ -420,8 +437,10 @@ def meta_from_name(path: PurePath, pattern: str) -> dict[str, Any]:
 
     Raises
     ------
+    MissingMetaError
+        If the name does not match.
     ValueError
-        If the name does not match, or matches in several ways.
+        If it matches in several ways.
 
     Examples
     --------
@@ -440,7 +459,7 @@ def meta_from_name(path: PurePath, pattern: str) -> dict[str, Any]:
         if rest != pattern and re.search(r"\{.*\}", rest):
             with suppress(ValueError):
                 return meta_from_name(path, rest)
-        raise ValueError(
+        raise MissingMetaError(
             f"the file name {name!r} does not match the pattern {pattern!r} of meta. Rename it."
         )
     if longest.groups() != shortest.groups():

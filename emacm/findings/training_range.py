@@ -169,9 +169,10 @@ def _speed(row: Mapping[str, float], known: Mapping[str, Range]) -> list[Stateme
     ]
     hint = f": is it in {likely[0]}?" if likely else ""
     way = "above" if fastest > high else "below"
-    text = f"highest speed {fastest:.4g} rad/s is {way} that of the training, {_span(low, high)}"
-    # Other speeds may be intended.
-    return [Statement("speed", "", f"{text} rad/s{hint}", bool(likely), fastest, limit)]
+    rpm = units["rpm"]
+    text = f"highest speed {rpm * fastest:.4g} rpm is {way} that of the training"
+    text = f"{text}, {_span(rpm * low, rpm * high)} rpm{hint}"
+    return [Statement("speed", "", text, bool(likely), fastest, limit)]  # may be intended
 
 
 def direction_statements(forward: float, known: Range) -> list[Statement]:

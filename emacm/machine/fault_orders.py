@@ -24,7 +24,7 @@ _COLUMNS = ("name", "order", "part", "kind", "harmonic", "sideband", "slips")
 
 
 def fault_orders(
-    *parts: Part | Mapping[str, float],
+    *parts: Part | Mapping[str, float] | Sequence[Part | Mapping[str, float]],
     harmonics: int = 1,
     sidebands: int = 0,
     max_order: float | None = None,
@@ -35,7 +35,8 @@ def fault_orders(
     Parameters
     ----------
     *parts : Bearing, BallScrew, Gear, PlanetaryGear, Motor, InductionMotor, or mapping
-        Parts of the machine, at least one; a mapping of str to float gives known orders by name.
+        Parts of the machine, at least one, or one list of them; a mapping of str to float gives
+        known orders by name.
     harmonics : int
         Number of harmonics of each order, the order itself included. Twice as many are given for
         the spin of a ball, whose lines start at the second harmonic.
@@ -96,6 +97,8 @@ def fault_orders(
     check_choice(signal, "signal", ("vibration", "current"))
     if max_order is not None:
         check_number(max_order, "max_order", above=0, unit="orders")
+    if len(parts) == 1 and isinstance(parts[0], (list, tuple)):
+        parts = (*parts[0],)
     if not parts:
         raise ValueError("fault_orders needs at least one part, such as Bearing(9, 7.94, 39.04).")
     rows: list[tuple[Any, ...]] = []

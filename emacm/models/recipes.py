@@ -148,7 +148,7 @@ def actuator_recipe(
     reference = "absolute" if phase else "relative"
     lines = ShaftHarmonics((1,), phase=reference, n_sections=2, min_speed=min_speed, **strokes)
     features = _union(over_angle=over_angle, lines=lines)
-    gaussians = _gaussians(
+    gaussians = recipe_classifier(
         cost, priors=priors, unknown=unknown, unknown_rate=unknown_rate, temperature=temperature
     )
     return make_pipeline(features, StandardScaler(), gaussians)
@@ -229,7 +229,7 @@ def spectrum_recipe(
     orders = order_levels(max_order, revolutions, min_speed)
     bands = [BandPowers(low=low, high=high), _logarithm()]
     both = _union(orders=make_pipeline(*orders), bands=make_pipeline(*bands))
-    gaussians = _gaussians(
+    gaussians = recipe_classifier(
         cost, priors=priors, unknown=unknown, unknown_rate=unknown_rate, temperature=temperature
     )
     steps = {"orders": orders, "bands": bands, "both": [both]}[features]
@@ -249,8 +249,13 @@ def order_levels(max_order: float, revolutions: float, min_speed: float) -> list
     ]
 
 
-def _gaussians(
-    cost: Any, *, unknown: Any, unknown_rate: float | None, **options: Any
+def recipe_classifier(
+    cost: Any = None,
+    *,
+    unknown: Any = "unknown",
+    unknown_rate: float | None = 0.02,
+    temperature: Any = "groups",
+    **options: Any,
 ) -> CostSensitiveGaussianBayes:
     """Return the classifier of the recipes: a Gaussian for each class, with one covariance."""
     return CostSensitiveGaussianBayes(
@@ -259,6 +264,7 @@ def _gaussians(
         shrinkage="auto",
         unknown=unknown,
         unknown_rate=None if unknown is None else unknown_rate,
+        temperature=temperature,
         **options,
     )
 

@@ -476,7 +476,7 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[Stateme
     >>> in_mv = Recording({"vibration": 1000 * wave}, 2000, velocity=np.full(8000, 20.0))
     >>> for statement in outside_training(model, [in_mv])[0]:
     ...     print(statement.text)
-    highest speed 20 rad/s is below that of the training, 150 rad/s
+    highest speed 191 rpm is below that of the training, 1432 rpm
     12.73 revolutions, in the training at least 95.48
     channel 'vibration' 60 dB above training, 0.7071 (root mean square)
     """

@@ -385,9 +385,11 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         if not any(wanted in (None, move.direction) for move in moves):
             way = f" {self.direction}" if wanted else ""
             velocity = recording.velocity
+            rpm = 30 / np.pi
             raise ValueError(
-                f"the shaft never turns{way} faster than min_speed = {self.min_speed:g} rad/s; its "
-                f"speed is between {velocity.min():.4g} and {velocity.max():.4g} rad/s. Leave the "
+                f"the shaft never turns{way} faster than min_speed = {self.min_speed:g} rad/s "
+                f"({rpm * self.min_speed:.4g} rpm); its speed is between "
+                f"{rpm * velocity.min():.4g} and {rpm * velocity.max():.4g} rpm. Leave the "
                 f"recording out, or check its shaft reference and min_speed."
             )
         jump = jump_statement(recording)

@@ -140,10 +140,11 @@ class StreamInput(Resumable):
         speed = np.abs(speed)
         place = int(np.argmax(speed > limit))
         time += place / self._settings.shaft_fs
+        rpm = 30 / np.pi
         raise ValueError(
             f"the shaft turns at {speed[place]:.6g} rad/s at {time:.6f} s, above max_speed = "
-            f"{limit:g} rad/s. {_ON} Raise max_speed if the speed is real; an angle that is "
-            f"wrapped at 2 pi needs wrapped=True."
+            f"{limit:g} rad/s ({rpm * speed[place]:.4g} and {rpm * limit:.4g} rpm). {_ON} Raise "
+            f"max_speed if the speed is real; an angle that is wrapped at 2 pi needs wrapped=True."
         )
 
     def _continued(self, measured: Samples, time: float) -> Samples:

@@ -60,8 +60,8 @@ def test_rings_are_named_in_files_without_a_layout(here, capsys):
 def test_names_that_cannot_be_names_of_pictures_are_changed(here, capsys):
     pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
     name = os.fsdecode(b"pr\xfcfung.csv")  # not UTF-8
-    text = (here / "new" / "P2_outer.csv").read_text().replace("vibration", "drive/end")
-    (here / name).write_text(text)
+    rows = (here / "new" / "P2_outer.csv").read_text().replace("vibration", "drive/end")
+    (here / name).write_text("".join(rows.splitlines(True)[: FS + 1]))  # 1 s, 20 revolutions
     options = ["--bearing", "6205", "--plot", "drawn", "--out", "=found.csv"]
     assert main(["find", name, *options]) == 1
     assert [path.name for path in (here / "drawn").iterdir()] == ["pr_xfcfung_drive_end_001.png"]
@@ -94,11 +94,49 @@ def test_what_is_missing_is_stated(here, capsys, options, message):
     assert message in capsys.readouterr().err
 
 
-def test_a_speed_replaces_the_shaft_of_the_files(here):
+def test_a_speed_replaces_the_shaft_of_the_files_and_that_of_a_layout(here, capsys):
     pd.DataFrame(pump("outer", 5)[:, :2], columns=["time", "vibration"]).to_csv(
         "bare.csv", index=False
     )
     assert main(["find", "bare.csv", "--bearing", "6205", "--speed", "1200"]) != 2
+    (here / "slow.toml").write_text('velocity = "300 rpm"\n')
+    found = [capsys.readouterr()]
+    for speed in ("1200", "20 rev/s"):
+        options = ["--bearing", "6205", "--layout", "slow.toml", "--speed", speed]
+        assert main(["find", "bare.csv", *options]) != 2
+        found.append(capsys.readouterr())
+    assert found[0].out == found[1].out == found[2].out
+    assert "--speed 1200 rpm is used, '300 rpm' of the files is not" in found[2].err
+
+
+def fan(folder, numbers, growth):
+    """Write recordings of a fan at 1470 rpm, whose imbalance grows."""
+    folder.mkdir()
+    time = np.arange(4 * 2000) / 2000
+    for number in numbers:
+        phases = 2 * np.pi * 24.5 * time + number
+        noise = 0.3 * np.random.default_rng([number, growth > 1]).normal(size=len(time))
+        wave = 0.5 * growth**number * np.cos(phases) + 0.2 * np.cos(7 * phases) + noise
+        np.savez(folder / f"{number:02d}.npz", x=wave, fs=2000)
+
+
+def test_an_imbalance_that_grows_is_seen_by_the_trend_and_named(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
+    monkeypatch.chdir(tmp_path)
+    fan(tmp_path / "well", range(8), 1.0)
+    fan(tmp_path / "later", range(0, 12, 4), 1.18)
+    (tmp_path / "parts.toml").write_text("[orders]\nimbalance = 1.0\n")
+    options = ["--speed", "1470", "--parts", "parts.toml"]
+    assert main(["trend", "well", "later", *options, "--out", "trend.csv"]) == 0
+    alarms = pd.read_csv("trend.csv")["alarm"].tolist()
+    assert alarms == sorted(alarms)
+    assert sum(alarms) == 2
+    assert "Each healthy file counts as a run" in capsys.readouterr().out
+    assert main(["find", "later", *options, "--healthy", "well", "--plot", "drawn"]) == 1
+    lines = capsys.readouterr().out
+    assert "08.npz, x: imbalance\n" in lines
+    assert "00.npz, x: none\n" in lines
+    assert len([*(tmp_path / "drawn").iterdir()]) == lines.count("x: imbalance")
 
 
 @pytest.fixture(scope="module")

@@ -69,7 +69,7 @@ def here(bench, monkeypatch):
 
 
 def run(*arguments, source="stream.csv"):
-    options = ["--layout", "layout.toml", "--max-speed", "100", *arguments]
+    options = ["--layout", "layout.toml", "--max-speed", "100 rad/s", *arguments]
     return main(["monitor", "model.emacm", source, *options])
 
 
@@ -112,10 +112,12 @@ def test_a_position_of_a_screw_behind_a_gear_gives_the_readings_of_the_speed(her
     run("--idle", "0", "--every", "2", "--unit", "s")
     by_speed = printed(capsys)
     options = ("--idle", "0", "--every", "2", "--unit", "s", "--layout", "screw.toml")
-    assert run(*options, "--max-speed", "1200 rpm", source="screw.csv") == 0
+    assert run(*options, "--max-speed", "1200", source="screw.csv") == 0
     by_position = printed(capsys)
     costs = [[r["expected_cost"] for r in records] for records in (by_speed, by_position)]
     np.testing.assert_allclose(*costs, rtol=1e-6)
+    assert run(*options, "--max-speed", "800", source="screw.csv") == 3  # it turns at 859 rpm
+    assert "(859.4 and 800 rpm)" in capsys.readouterr().out
     (here / "screw.toml").write_text('angle = {currents = ["a", "b"], pole_pairs = 2}')
     assert run(*options, source="screw.csv") == 2
     assert "an angle from currents needs whole recordings" in capsys.readouterr().err
@@ -135,7 +137,7 @@ def test_a_file_that_grows_is_followed(here):
     path = here / "growing.csv"
     rows = rows_of(False, 30)
     path.write_text("vib,speed\n" + "".join(rows[:1000]))
-    options = ["--layout", "layout.toml", "--max-speed", "100", "--every", "2", "--unit", "s"]
+    options = ["--layout", "layout.toml", "--max-speed", "100 rad/s", "--every", "2", "--unit", "s"]
     arguments = [sys.executable, "-m", "emacm", "monitor", "model.emacm", str(path), *options]
     with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as process:
         for start in range(1000, N, 500):
@@ -215,7 +217,7 @@ def test_a_stream_without_rows_is_named(here, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--max-speed", "-3"), "--max-speed: expected a number above 0"),
+        (("--max-speed", "-3"), "--max-speed: expected a speed above 0, in rpm or as"),
         (("--state", "x", "-"), "needs a file"),
     ],
 )
@@ -272,7 +274,7 @@ def test_an_alarm_is_told_when_it_is_raised_and_when_it_is_cleared(here, capsys)
     assert (alarm["state"], alarm["since"], alarm["time"]) == ("cleared", at(8), at(14))
 
 
-@pytest.mark.parametrize("option", [("--min-speed", "95"), ("--quiet", "30")])
+@pytest.mark.parametrize("option", [("--min-speed", "910"), ("--quiet", "30")])
 def test_there_are_no_alarms_of_a_slow_shaft_and_just_after_its_start(here, capsys, option):
     assert run("--idle", "0", *ALARMS, *RULE, *option) == 0
     records = printed(capsys)
@@ -289,10 +291,10 @@ def test_a_single_healthy_reading_raises_no_alarm(here, capsys):
 
 @pytest.mark.slow
 def test_a_killed_run_loses_no_record_and_no_change_of_an_alarm(here, capsys):
-    rows = [*rows_of(False, 40), *rows_of(True, 41), *rows_of(False, 42)]
+    rows = [*rows_of(False, 40, 2000), *rows_of(True, 41, 2000), *rows_of(False, 42, 2000)]
     (here / "killed.csv").write_text("vib,speed\n" + "".join(rows))
     options = [*ALARMS, *RULE, "--every", "0.1", "--sink", "killed.sqlite", "--state", "k.state"]
-    arguments = ["--layout", "layout.toml", "--max-speed", "100", "--idle", "0", *options]
+    arguments = ["--layout", "layout.toml", "--max-speed", "100 rad/s", "--idle", "0", *options]
     command = [sys.executable, "-m", "emacm", "monitor", "model.emacm", "killed.csv", *arguments]
     lines = []
     for pause in (0.0, 0.02):  # killed at two places after its first record, and then not
@@ -306,7 +308,7 @@ def test_a_killed_run_loses_no_record_and_no_change_of_an_alarm(here, capsys):
     seen = {record["id"]: record for record in records}
     run("--idle", "0", *ALARMS, *RULE, "--every", "0.1", source="killed.csv")
     expected = {record["id"]: record for record in printed(capsys) if record["complete"]}
-    assert len(expected) == 180
+    assert len(expected) == 60
     assert {key: record for key, record in seen.items() if record["complete"]} == expected
     assert {record["id"]: record for record in History("killed.sqlite").records()} == seen
 

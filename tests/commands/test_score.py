@@ -3,7 +3,6 @@
 import io
 import json
 import os
-import re
 import shutil
 from pathlib import Path
 
@@ -21,7 +20,6 @@ from emacm import (
     OrderResampler,
     RecordingFolder,
     save_model,
-    score,
 )
 from emacm.__main__ import main
 from emacm.commands import score as command
@@ -80,20 +78,6 @@ def test_a_pattern_chooses_files_of_folders(here, capsys):
     assert "matches '*.wav'" in capsys.readouterr().err
 
 
-@pytest.mark.slow
-def test_the_standard_output_is_the_table_of_score(here, capsys):
-    assert run() == 0
-    printed = pd.read_csv(io.StringIO(capsys.readouterr().out), keep_default_na=False)
-    from emacm import load_model
-
-    folder = RecordingFolder(here / "files", Layout.from_toml(here / "layout.toml"))
-    table = score(load_model(here / "model.emacm"), folder)
-    assert list(printed.columns)[: table.shape[1]] == list(table.columns)
-    assert printed["recording"].tolist() == [f"files/{path.name}" for path in folder.paths]
-    assert printed["decision"].tolist() == table["decision"].tolist()
-    np.testing.assert_array_equal(printed["P(worn)"], table["P(worn)"])
-
-
 @pytest.mark.parametrize("suffix", [".csv", ".jsonl", ".sqlite"])
 def test_tables_of_all_types_hold_the_same_rows(here, capsys, suffix):
     (here / "files" / "bad_7.npz").write_bytes(b"PK")
@@ -150,6 +134,8 @@ def test_a_failed_file_is_status_3_and_the_table_is_complete(here, capsys):
         (["--out", "table.xlsx"], ["files"], "must end with one of .csv, .jsonl"),
         (["--priors", "ok"], ["files"], "--priors must be 'uniform' or as in"),
         (["--priors", "ok=0.5"], ["files"], "priors"),
+        (["--priors", "ok=0.5,ok=0.2,worn=0.3"], ["files"], "--priors must be"),
+        (["--unit", "unt"], ["files"], "has no 'unt', only ["),
         (["--cost", "none.csv"], ["files"], "none.csv"),
         (["--features"], ["files"], "--features needs --out FILE.sqlite"),
         (["--watch", "-1"], ["files"], "--watch: expected a number above 0"),
@@ -263,18 +249,6 @@ def test_watching_decides_on_files_as_they_come(here, monkeypatch):
     assert run("--out", "table.jsonl", "--watch", "7") == 130
     rows = [json.loads(line) for line in Path("table.jsonl").read_text().splitlines()]
     assert [row["decision"] for row in rows if row["recording"] == "files/new_9.npz"] == ["worn"]
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--unit", "unt"), r"has no 'unt', only \["),
-        (("--priors", "ok=0.5,ok=0.2,worn=0.3"), "--priors must be"),
-    ],
-)
-def test_misspelt_units_and_priors_are_refused(here, options, words, capsys):
-    assert run(*options) == 2
-    assert re.search(words, capsys.readouterr().err)
 
 
 def test_a_misspelt_time_is_in_the_row_of_each_file(here, capsys):

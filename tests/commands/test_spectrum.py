@@ -70,7 +70,7 @@ def test_a_picture_is_drawn(run_up, capsys, options):
         (["--map", "--order", "1"], "not both"),
         (["--max-order", "900"], "support orders up to"),
         (["--channel", "x"], "no channel 'x'"),
-        (["--min-speed", "3 knots"], "as '400 rpm'"),
+        (["--min-speed", "3 knots"], "in rpm or as '42 rad/s'"),
     ],
 )
 def test_what_cannot_be_drawn_is_one_line_and_status_2(run_up, capsys, options, word):

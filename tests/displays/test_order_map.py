@@ -56,24 +56,16 @@ def test_over_speed_segments_of_one_speed_are_averaged(ax):
     assert ax.get_xlabel() == "shaft speed [rpm]"
 
 
-def test_the_scale_carries_the_unit(ax):
-    display = OrderMapDisplay.from_recording(ramp(), unit="m/s²", ax=ax)
-    label = display.colorbar_.ax.get_ylabel()
-    assert label == "PSD of vibration [dB re 1 (m/s²)²/order]"
-
-
-def test_slip_ranges_are_bars_beside_the_map(ax):
-    OrderMapDisplay.from_recording(ramp(), fault_orders={"BPFI": 5.0}, slip=0.1, ax=ax)
+def test_fault_orders_are_named_beside_the_map_and_the_scale_carries_the_unit(ax):
+    marks = {"fault_orders": {"BPFI": 5.0, "beyond": 30.0}, "slip": 0.1, "max_order": 20}
+    display = OrderMapDisplay.from_recording(ramp(), unit="m/s²", ax=ax, **marks)
     (bar,) = ax.lines
     assert np.allclose(bar.get_ydata(), [4.5, 5.5])
     assert min(bar.get_xdata()) > 1  # axes coordinates: beyond the right edge
-
-
-def test_fault_orders_are_named_within_the_map(ax):
-    orders = {"screw": 5.0, "beyond": 30.0}
-    OrderMapDisplay.from_recording(ramp(), max_order=20, fault_orders=orders, ax=ax)
-    assert [text.get_text() for text in ax.texts] == ["screw"]
+    assert [text.get_text() for text in ax.texts] == ["BPFI"]
     assert ax.get_ylim()[1] == 20
+    label = display.colorbar_.ax.get_ylabel()
+    assert label == "PSD of vibration [dB re 1 (m/s²)²/order]"
 
 
 def test_the_mean_of_all_segments_is_the_spectrum_of_the_recording(ax):

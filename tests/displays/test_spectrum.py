@@ -5,10 +5,9 @@ import pytest
 from matplotlib.figure import Figure
 from sklearn.pipeline import make_pipeline
 
-from emacm import BinTransformer, EnvelopeDetector, OrderPSD, OrderResampler, Recording
+from emacm import EnvelopeDetector, OrderPSD, OrderResampler, Recording
 from emacm.displays import OrderSpectrumDisplay
 from emacm.orders.columns import OrderTable, order_columns
-from emacm.simulation.fleet import simulate_actuator
 
 
 def spectra():
@@ -45,16 +44,6 @@ def test_every_channel_has_a_panel_and_its_own_unit():
     assert "A²/order" in axes[1].get_ylabel()
     assert "(m/s²)²/order" in axes[0].get_ylabel()
     assert np.allclose(axes[1].lines[0].get_ydata(), 10 * np.log10(2))
-
-
-def test_a_pipeline_draws_what_it_computes(ax):
-    runs = [simulate_actuator("healthy", seed=seed) for seed in (1, 2)]
-    resampler = OrderResampler(channels=["current_a", "accelerometer"])
-    pipeline = make_pipeline(resampler, OrderPSD(4), BinTransformer(max_order=20)).fit(runs)
-    display = OrderSpectrumDisplay.from_estimator(pipeline, runs, "current_a", unit="A", ax=ax)
-    n_orders = len(pipeline[1].orders_)
-    expected = np.asarray(pipeline[:2].transform(runs))[:, :n_orders].mean(axis=0)
-    assert np.allclose(display.frame()["current_a"], expected)
 
 
 def test_a_power_spectrum_is_not_called_a_density(ax):

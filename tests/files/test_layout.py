@@ -156,9 +156,11 @@ def test_a_table_gives_the_meta(tmp_path, meta):
         ({"B.npz": {}}, "no row for the file 'A_1.npz'"),
     ],
 )
-def test_a_file_without_meta_is_refused(tmp_path, meta, message):
+def test_labels_of_a_file_are_missing_until_they_are_needed(tmp_path, meta, message):
+    layout = Layout(fs=3, velocity=3, meta=meta)
+    assert opened(tmp_path, layout, b=VIBRATION).meta == {}
     with pytest.raises(ValueError, match=message):
-        opened(tmp_path, Layout(fs=3, velocity=3, meta=meta), b=VIBRATION)
+        layout.meta_of("A_1.npz")
 
 
 def test_a_name_that_matches_in_two_ways_is_refused(tmp_path):

@@ -112,6 +112,11 @@ def test_the_same_two_teeth_meet_at_the_hunting_order(teeth, mating):
     assert orders(Gear(teeth, mating))["hunting"] == pytest.approx(teeth / again)
 
 
+def test_parts_may_be_given_as_one_list():
+    parts = [Gear(20, 80), {"imbalance": 1.0}]
+    assert orders(parts) == orders(*parts)
+
+
 def test_a_second_pair_of_gears_is_driven_by_the_first():
     first = Gear(20, 60)
     found = orders(first, Gear(15, 45, ratio=first.output_ratio, name="second"))

@@ -225,7 +225,7 @@ def test_the_command_line_trains_with_a_baseline_and_adds_one(files, capsys):
     assert emacm(train, "--out plain.emacm --features both") == 0
     printed = capsys.readouterr().out
     assert "This holds for recordings like those that were left out, each unit in turn" in printed
-    assert "Difference of the cost from that of 'both'" in printed
+    assert "cost above that of 'both'" in printed
     assert "- Relative to healthy recordings of the same unit the decisions cost less" in printed
     options = "--out model.emacm --features both --healthy-label normal --baseline unit"
     assert emacm(train, options) == 0

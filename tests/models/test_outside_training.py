@@ -81,7 +81,7 @@ def test_a_load_that_was_not_in_the_training_is_stated(load, texts):
 def test_a_speed_in_another_unit_is_stated_with_that_unit(factor, unit):
     text = about(run(9, speed=SPEED * factor))
     way = "above" if factor > 1 else "below"
-    assert re.search(f"rad/s is {way} that of the training, .* rad/s: is it in {unit}?", text)
+    assert re.search(f"rpm is {way} that of the training, .* rpm: is it in {unit}?", text)
 
 
 def test_another_sampling_rate_is_stated_once_for_all_channels():
