@@ -201,7 +201,8 @@ def angle_from_pulses(
     gap and of 1 for each double pulse; a speed that goes on rising or falling as before is no
     change, so a start from rest is not treated as a fault. A speed that changes by more than half
     within an interval of pulses, as at a sudden stop, looks like a missing or double pulse, and one
-    that is misidentified shifts all later angles by ``2 pi / pulses_per_rev``.
+    that is misidentified shifts all later angles by ``2 pi / pulses_per_rev``; it is stated where
+    another number of pulses is nearly as likely.
 
     The marks of a revolution may be uneven: a tape with a butt joint, a wheel with a gap whose real
     or nominal number of marks is given. If `pulses_per_rev` is a whole number and there are two
@@ -309,9 +310,9 @@ def _repair_statements(n_missing: int, n_double: int, n_pulses: int) -> tuple[St
     if n_repairs > max(3, 0.1 * n_pulses):
         raise ValueError(
             f"times must be pulses that follow the speed of a shaft, got {text}, so that the "
-            f"number of turns is not known. Is there noise, does the level jump, are pulses shorter "
-            f"than a sample, is pulses_per_rev right? Set threshold and hysteresis, or repair the "
-            f"sensor."
+            f"number of turns is not known. Is there noise, does the level jump, are pulses "
+            f"shorter than a sample, is pulses_per_rev right? Set threshold and hysteresis, or "
+            f"repair the sensor."
         )
     if n_repairs <= max(3, 0.03 * n_pulses):
         return ()
