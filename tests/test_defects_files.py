@@ -367,7 +367,8 @@ BEYOND = (1e20, -1e30, 9.97e36, np.finfo("f4").max)
 
 
 @pytest.mark.parametrize(
-    "code", [-9999, -999, -999.25, 32767, -32768, 8388607, 2.0**32 - 1, 99999, 9.91e37, *BEYOND]
+    "code",
+    [-9999, -999, -99, -999.25, 32767, -32768, 8388607, 2.0**32 - 1, 99999, 9.91e37, *BEYOND],
 )
 @pytest.mark.parametrize("dtype", ["f8", "f4"])
 def test_codes_for_missing_values_are_no_samples(tmp_path, code, dtype):
@@ -381,6 +382,21 @@ def test_codes_for_missing_values_are_no_samples(tmp_path, code, dtype):
     clipped = np.clip(40_000 * TONE, -32768, 32767).astype("i2")  # full scale is no code
     path = write(tmp_path / "b.npz", {"vib": clipped}, fs=1000)
     assert opened(path).signals["vib"].max() == 32767
+
+
+def test_a_code_among_values_that_are_larger_is_no_sample(tmp_path):
+    speed = np.where(np.arange(N) % 900 == 42, -999, 1500 + 20 * TONE)
+    path = write(tmp_path / "a.npz", {"vib": TONE, "load": speed}, fs=1000)
+    refused(path, "'load' has 7 values of -999, first at sample 42")
+
+
+def test_a_column_of_states_is_no_channel_unless_it_is_listed(tmp_path, capsys):
+    states = {"Status": np.arange(N) % 2, "vib_quality": np.full(N, 192), "valid": TONE > 2}
+    path = write(tmp_path / "a.npz", {"vib": TONE, "quality": TONE} | states, fs=1000)
+    with pytest.warns(EmacmWarning, match="'Status', 'vib_quality', 'valid'. are named like a st"):
+        assert opened(path).channels == ("vib", "quality")
+    assert opened(path, channels=["valid"]).channels == ("valid",)
+    assert "Not used: 'vib_quality', it is named like a status" in inspected(path, capsys)
 
 
 @ignored

@@ -14,7 +14,13 @@ from numpy.typing import NDArray
 from emacm._checks import check_signal, located
 from emacm._statements import warn
 from emacm.files.even_times import EvenTimes, even_times
-from emacm.files.file_columns import FileColumns, is_rate_name, missing_codes, without_signal
+from emacm.files.file_columns import (
+    FileColumns,
+    is_rate_name,
+    is_status,
+    missing_codes,
+    without_signal,
+)
 from emacm.files.layout import Layout, constant_speed
 from emacm.files.sample_times import dates_of, seconds_of, unit_that_fits
 from emacm.files.shaft_references import (
@@ -282,8 +288,13 @@ def _channel_columns(
             f"column {motions[0]!r} is named like the motion of the shaft. Name it in velocity, "
             f"angle or tacho, or set channels = {[n for n in rest if n not in motions]}."
         )
+    codes = [name for name in rest if is_status(name, content.columns[name])]
+    rest = [name for name in rest if name not in codes]
     if not rest:
-        raise ValueError(f"it has no channel besides {sorted(filter(None, ignored))}.")
+        raise ValueError(f"it has no channel besides {sorted({*codes, *filter(None, ignored)})}.")
+    if codes:
+        text = f"columns {codes} are named like a status, and are left out: samples that they mark"
+        warn("status", f"{text} as invalid are used. Set channels to choose the columns.")
     return {name: name for name in rest}
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from emacm._checks import first_non_number
 from emacm.files.column_roles import rates_of_columns
 from emacm.files.even_times import EvenTimes
-from emacm.files.file_columns import FileColumns, without_signal
+from emacm.files.file_columns import FileColumns, is_status, without_signal
 from emacm.files.layout import Layout, meta_from_name
 from emacm.files.readers import read_columns
 from emacm.files.sample_times import unit_that_fits
@@ -199,6 +199,8 @@ def contents_of(path: Path) -> FileContents:
         first = first_non_number(columns.columns[name], columns.columns[name])
         contents.unused[name] = f"it does not consist of numbers, got {first}"
     contents.unused |= {name: f"it {defect}" for name, defect in columns.defects.items()}
+    codes = [name for name, values in contents.numbers.items() if is_status(name, values)]
+    contents.unused |= dict.fromkeys(codes, "it is named like a status of the samples")
     contents.unused |= dict.fromkeys(shafts[1:], "it is named like the motion of a shaft")
     if contents.missing_rates:
         names = ", ".join(contents.missing_rates)
