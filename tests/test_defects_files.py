@@ -179,6 +179,16 @@ def test_a_gap_between_times_that_are_rounded_is_named(tmp_path, fs, missing):
     refused(path, rf"a gap of .* after sample (399\d|400\d) .* {missing} samples are missing there")
 
 
+@ignored
+@pytest.mark.parametrize("suffix", ["uff", "mf4"])
+@pytest.mark.parametrize(("unit", "size"), [("d", 86_400), ("h", 3600), ("ms", 1e-3)])
+def test_times_of_a_format_may_be_in_another_unit_too(tmp_path, suffix, unit, size, capsys):
+    path = write(tmp_path / f"a.{suffix}", {"vib": TONE}, TIMES / size)
+    refused(path, rf"in {unit} it is 1000.* = {{time = '{unit}'}}")
+    assert opened(path, units={"time": unit}).fs["vib"] == 1000
+    assert f'"time" = "{unit}"' in inspected(path, capsys)
+
+
 @pytest.mark.parametrize("start", [0.0, 46354.5, 738_000.5])
 @pytest.mark.parametrize(
     ("unit", "word", "size"),

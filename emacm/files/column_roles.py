@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from emacm._checks import check_signal, located
 from emacm._statements import warn
-from emacm.files.even_times import EvenTimes, even_times
+from emacm.files.even_times import EvenTimes, Times, even_times
 from emacm.files.file_columns import (
     FileColumns,
     is_rate_name,
@@ -113,9 +113,10 @@ def recording_arguments(
             delay = _delay((content, layout), (second, of_second))
             longest = max(len(values) / fs[name] for name, values in signals.items())
             arguments |= _aligned(motion, delay, longest)
-    if times and layout.fs is None:
+    if layout.fs is None and layout.time is not False:
         speed = float(np.max(np.abs(arguments.get("velocity", 0.0)))) / (2 * np.pi)
-        _check_unit_of_times(content, layout, times, speed)
+        for clock in {times, *channels.values()} & {times, *content.times} - {None}:
+            _seconds(content, layout, str(clock), None, speed)
     return arguments
 
 
@@ -124,20 +125,29 @@ def _stated_unit(content: FileColumns, layout: Layout, times: str) -> str:
     return layout.unit_of(times) or content.units.get(times, "") or time_unit_in_name(times)
 
 
-def _check_unit_of_times(
-    content: FileColumns, layout: Layout, times: str, speed: float = 0.0
-) -> None:
-    """Refuse times without a stated unit if their rate is not credible in s."""
-    values = content.columns[times]
-    unit = "" if _stated_unit(content, layout, times) else unit_that_fits(values, speed)
+def _seconds(
+    content: FileColumns, layout: Layout, clock: str, fs: float | None, speed: float = 0.0
+) -> tuple[Times, float]:
+    """Return the times of a column of times, or those of a column that has its own [s].
+
+    Also, to what their type rounds them. Those without a stated unit are refused if their rate is
+    not credible in s.
+    """
+    values = content.times.get(clock, content.columns[clock])
+    is_own = clock in content.times
+    name = "time" if is_own else clock
+    stated = layout.unit_of("time") if is_own else _stated_unit(content, layout, clock)
+    found = seconds_of(values, stated or "s", clock)
+    unit = "" if stated or fs else unit_that_fits(values, speed)
     if unit:
         rate = (len(values) - 1) / float(values[-1] - values[0])
         raise ValueError(
-            f"time column {times!r} gives a rate of {rate:.6g} Hz if it is in s, which is not "
+            f"time column {name!r} gives a rate of {rate:.6g} Hz if it is in s, which is not "
             f"credible; in {unit} it is {rate / unit_factor(unit, 'time'):.6g} Hz. Are these "
             f"{unit_word(unit)}? State the unit in the layout, also if it is s: units = "
-            f"{{{times} = {unit!r}}}."
+            f"{{{name} = {unit!r}}}."
         )
+    return found
 
 
 def _check_starts(content: FileColumns, rates: Mapping[str, EvenTimes]) -> None:
@@ -353,11 +363,10 @@ def rates_of_columns(
             )
         rate = stated or known
         if column in content.times and layout.time is not False:
-            own_times = content.times[column]
-            found[column] = even_times(own_times, column, rate, resample=layout.resample)
+            found[column] = _rate_of_times(content, layout, column, rate)
         elif times and len(content.columns[column]) == len(content.columns[times]):
             if rate not in shared:
-                shared[rate] = _shared_times(content, layout, times, rate)
+                shared[rate] = _rate_of_times(content, layout, times, rate)
             found[column] = shared[rate]
         elif rate:
             found[column] = EvenTimes(rate)
@@ -378,15 +387,12 @@ def _rate_of_layout(content: FileColumns, layout: Layout, name: str, column: str
     return None if stated is None else float(stated)
 
 
-def _shared_times(content: FileColumns, layout: Layout, times: str, fs: float | None) -> EvenTimes:
-    """Return the rate of the column of times."""
-    if times in content.defects:
-        raise ValueError(f"time column {times!r} {content.defects[times]}.")
-    unit = _stated_unit(content, layout, times) or "s"
-    seconds, resolution = seconds_of(content.columns[times], unit, times)
-    if fs is None:
-        _check_unit_of_times(content, layout, times)
-    return even_times(seconds, times, fs, resolution=resolution, resample=layout.resample)
+def _rate_of_times(content: FileColumns, layout: Layout, clock: str, fs: float | None) -> EvenTimes:
+    """Return the rate of a column of times, or of a column that has its own."""
+    if clock in content.defects and clock not in content.times:
+        raise ValueError(f"time column {clock!r} {content.defects[clock]}.")
+    seconds, resolution = _seconds(content, layout, clock, fs)
+    return even_times(seconds, clock, fs, resolution=resolution, resample=layout.resample)
 
 
 def _stated_rates(content: FileColumns) -> tuple[dict[str, float], dict[str, float]]:

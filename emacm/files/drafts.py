@@ -169,21 +169,23 @@ def contents_of(path: Path) -> FileContents:
     times = next(filter(is_time_name, columns.columns), None)
     remarks: list[str] = []
     time_unit = ""
-    if times and not (columns.units.get(times) or time_unit_in_name(times)):
-        time_unit = unit_that_fits(columns.columns[times])
-    if times and time_unit:
-        remarks.append(f"the unit of {times!r}: these look like {unit_word(time_unit)}, not s")
-        columns.units[times] = time_unit
+    clock = times or "time"  # of columns with times of their own
+    if not (columns.units.get(clock) or time_unit_in_name(clock)):
+        clocks = [columns.columns[times]] if times else [*columns.times.values()]
+        time_unit = next(filter(None, map(unit_that_fits, clocks)), "")
+    if time_unit:
+        remarks.append(f"the unit of {clock!r}: these look like {unit_word(time_unit)}, not s")
+    layout = Layout(units={clock: time_unit} if time_unit else None)
     rates: dict[str, EvenTimes] = {}
     shared = [name for name in columns.columns if name not in columns.times]
     for judged in (shared, *([name] for name in columns.times)):
         pairs = [(name, name) for name in judged]
         try:
-            rates |= rates_of_columns(columns, Layout(), times, pairs)
+            rates |= rates_of_columns(columns, layout, times, pairs)
         except ValueError as error:
             if judged is shared:
                 remarks.append(str(error))
-                rates |= rates_of_columns(columns, Layout(), None, pairs)
+                rates |= rates_of_columns(columns, layout, None, pairs)
             else:
                 columns.defects[judged[0]] = f"cannot be used: {error}"
     shafts = columns.like_shaft()
@@ -373,8 +375,8 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
 def _units(contents: FileContents) -> Iterator[str]:
     """Yield the lines of a draft with the units of shaft and channels."""
     stated, shaft = contents.columns.units, contents.shaft
-    if contents.times and contents.time_unit:
-        line = f"# {_as_toml(contents.times)} = {_as_toml(contents.time_unit)}"
+    if contents.time_unit:
+        line = f"# {_as_toml(contents.times or 'time')} = {_as_toml(contents.time_unit)}"
         yield f"{line}  # FILL IN: its unit; it looks like this, not s"
     if shaft is not None and contents.shaft_unit:
         source = "" if stated.get(shaft) == contents.shaft_unit else "  # from its name"
