@@ -47,7 +47,7 @@ def inspected(path, capsys):
 
 @ignored
 @every_format
-@pytest.mark.parametrize("every", [3, 10, 250])
+@pytest.mark.parametrize("every", [3, 250])
 def test_a_regular_gap_is_no_lower_rate(tmp_path, suffix, every):
     kept = np.arange(N) % every != every // 2
     path = write(tmp_path / f"a.{suffix}", {"vib": TONE[kept]}, TIMES[kept])
@@ -122,11 +122,11 @@ def test_the_shaft_is_resampled_with_the_channels(tmp_path, kind):
     np.testing.assert_allclose(recording.velocity[400:-400], right[400:-400], atol=tolerance)
 
 
-@pytest.mark.parametrize("digits", [3, 4, 6, 12])
-@pytest.mark.parametrize("fs", [25.6, 512, 640, 700, 1024, 1652, 2048, 12_800, 48_828.125])
+@pytest.mark.parametrize("digits", [3, 4, 6])
+@pytest.mark.parametrize("fs", [25.6, 640, 1024, 1652, 12_800, 48_828.125])
 def test_rounded_times_give_the_rate_and_its_uncertainty(tmp_path, fs, digits):
     times = np.round(3.7 + np.arange(50_000) / fs, digits)
-    recording = opened(write(tmp_path / "a.csv", {"vib": np.zeros(50_000)}, times))
+    recording = opened(write(tmp_path / "a.npz", {"vib": np.zeros(50_000)}, times))
     if fs > 500 and 10.0**-digits / (50_000 / fs) > 1e-5:
         with pytest.warns(EmacmWarning, match=r"rounded to 0.0*1 s: the rate is .* within"):
             assert recording.fs["vib"] == pytest.approx(fs, rel=2e-4)
@@ -181,7 +181,7 @@ def test_a_gap_between_times_that_are_rounded_is_named(tmp_path, fs, missing):
 
 @ignored
 @pytest.mark.parametrize("suffix", ["uff", "mf4"])
-@pytest.mark.parametrize(("unit", "size"), [("d", 86_400), ("h", 3600), ("ms", 1e-3)])
+@pytest.mark.parametrize(("unit", "size"), [("d", 86_400), ("ms", 1e-3)])
 def test_times_of_a_format_may_be_in_another_unit_too(tmp_path, suffix, unit, size, capsys):
     path = write(tmp_path / f"a.{suffix}", {"vib": TONE}, TIMES / size)
     refused(path, rf"in {unit} it is 1000.* = {{time = '{unit}'}}")
@@ -189,12 +189,13 @@ def test_times_of_a_format_may_be_in_another_unit_too(tmp_path, suffix, unit, si
     assert f'"time" = "{unit}"' in inspected(path, capsys)
 
 
-@pytest.mark.parametrize("start", [0.0, 46354.5, 738_000.5])
 @pytest.mark.parametrize(
-    ("unit", "word", "size"),
+    ("start", "unit", "word", "size"),
     [
-        *(("d", "days", 86_400), ("h", "hours", 3600), ("ms", "milliseconds", 1e-3)),
-        ("us", "microseconds", 1e-6),
+        *((day, "d", "days", 86_400) for day in (0.0, 46354.5, 738_000.5)),
+        (46354.5, "h", "hours", 3600),
+        (0.0, "ms", "milliseconds", 1e-3),
+        (738_000.5, "us", "microseconds", 1e-6),
     ],
 )
 def test_times_in_another_unit_are_refused_with_the_unit_that_fits(
