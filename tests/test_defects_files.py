@@ -250,8 +250,8 @@ def test_a_point_in_a_rate_beside_decimal_commas_is_no_decimal_point(tmp_path):
     assert opened(tmp_path / "a.csv", fs=51200).fs["vib"] == 51200
 
 
-def rows_of(row):
-    return "".join(row(k / 1000, f"{TONE[k]:.5f}") + "\n" for k in range(300))
+def rows_of(row, longest=0.3):
+    return "".join(row(k / 1000, f"{TONE[k]:.5f}") + "\n" for k in range(int(1000 * longest)))
 
 
 def comma(number):
@@ -274,6 +274,37 @@ def comma(number):
 def test_marks_that_do_not_fit_are_named_for_what_they_are(tmp_path, header, row, message):
     (tmp_path / "a.csv").write_text(f"{header}\n{rows_of(row)}")
     refused(tmp_path / "a.csv", message)
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "layout"),
+    [
+        (
+            "Temps (s);Vibration (g);Vitesse (tr/min)",
+            lambda t, x: f"{comma(t)};{x.replace('.', ',')};{600 + t:.2f}".replace(".", ","),
+            'velocity = "Vitesse"',
+        ),
+        (
+            "Recorded,Sample,Accel (g),Speed (RPM)",
+            lambda t, x: f"03/13/2026 12:59:{t:09.6f} PM,{1000 * t:.0f},{x},{600 + t:.2f}",
+            'time = "Recorded"',
+        ),
+        (
+            "Laufzeit [ms];Beschl [g];Tacho [V]",
+            lambda t, x: f"{1000 * t:.0f};{x.replace('.', ',')};{5 * (t * 20 % 1 < 0.5)}",
+            "tacho = {column",
+        ),
+    ],
+)
+def test_names_and_dates_of_other_countries_are_proposed(tmp_path, header, row, layout, capsys):
+    (tmp_path / "a.csv").write_text(f"{header}\n{rows_of(row, 0.9)}", encoding="utf-8")
+    text = inspected(tmp_path / "a.csv", capsys)
+    assert layout in text
+    assert "1000 Hz, found in the file" in text
+    (tmp_path / "a.toml").write_text(text[text.index("# Layout") :].replace("# tacho", "tacho"))
+    recording = open_recording(tmp_path / "a.csv", Layout.from_toml(tmp_path / "a.toml"))
+    (channel,) = recording.channels
+    np.testing.assert_allclose(recording.signals[channel], TONE[:900], atol=1e-5)
 
 
 @pytest.mark.parametrize("name", ["time", None])
@@ -401,11 +432,12 @@ def test_a_code_among_values_that_are_larger_is_no_sample(tmp_path):
     refused(path, "'load' has 7 values of -999, first at sample 42")
 
 
+@pytest.mark.filterwarnings("ignore:column '(valid|sample)'")
 def test_a_column_of_states_is_no_channel_unless_it_is_listed(tmp_path, capsys):
-    states = {"Status": np.arange(N) % 2, "vib_quality": np.full(N, 192), "valid": TONE > 2}
+    states = {"vib_quality": np.full(N, 192), "valid": TONE > 2, "sample": np.arange(N)}
     path = write(tmp_path / "a.npz", {"vib": TONE, "quality": TONE} | states, fs=1000)
-    with pytest.warns(EmacmWarning, match="'Status', 'vib_quality', 'valid'. are named like a st"):
-        assert opened(path).channels == ("vib", "quality")
+    with pytest.warns(EmacmWarning, match="'vib_quality' is named like a status"):
+        assert opened(path).channels == ("vib", "quality")  # and not the numbers of the samples
     assert opened(path, channels=["valid"]).channels == ("valid",)
     assert "Not used: 'vib_quality', it is named like a status" in inspected(path, capsys)
 

@@ -17,8 +17,8 @@ from emacm.files.even_times import EvenTimes, Times, even_times
 from emacm.files.file_columns import (
     FileColumns,
     is_rate_name,
-    is_status,
     missing_codes,
+    no_channel,
     without_signal,
 )
 from emacm.files.layout import Layout, constant_speed
@@ -298,13 +298,14 @@ def _channel_columns(
             f"column {motions[0]!r} is named like the motion of the shaft. Name it in velocity, "
             f"angle or tacho, or set channels = {[n for n in rest if n not in motions]}."
         )
-    codes = [name for name in rest if is_status(name, content.columns[name])]
-    rest = [name for name in rest if name not in codes]
+    reasons = {name: no_channel(name, content.columns[name]) for name in rest}
+    others = {name: reason for name, reason in reasons.items() if reason}
+    rest = [name for name in rest if name not in others]
     if not rest:
-        raise ValueError(f"it has no channel besides {sorted({*codes, *filter(None, ignored)})}.")
-    if codes:
-        text = f"columns {codes} are named like a status, and are left out: samples that they mark"
-        warn("status", f"{text} as invalid are used. Set channels to choose the columns.")
+        raise ValueError(f"it has no channel besides {sorted({*others, *filter(None, ignored)})}.")
+    for name, reason in others.items():
+        text = f"column {name!r} {reason}, and is left out. Set channels to choose the columns"
+        warn("columns", f"{text}; samples that a status marks as invalid are used.", channel=name)
     return {name: name for name in rest}
 
 

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from emacm._checks import first_non_number
 from emacm.files.column_roles import rates_of_columns
 from emacm.files.even_times import EvenTimes
-from emacm.files.file_columns import FileColumns, is_status, without_signal
+from emacm.files.file_columns import FileColumns, no_channel, without_signal
 from emacm.files.layout import Layout, meta_from_name
 from emacm.files.readers import read_columns
-from emacm.files.sample_times import unit_that_fits
+from emacm.files.sample_times import dates_of, unit_that_fits
 from emacm.recordings.names import (
     is_time_name,
     printable,
@@ -109,13 +109,13 @@ class FileContents:
     @property
     def of_shaft(self) -> str:
         """What must be stated of the shaft; "" if nothing."""
-        if self.n_pulses:
+        if self.kind == "tacho":
             return f"pulses_per_rev of tacho: {self.shaft!r} has {self.n_pulses} pulses"
         if self.kind == "position":
             return f"lead of angle: {self.shaft!r} looks like the position of the nut of a screw"
         if self.shaft is None:
             return "velocity, angle or tacho: no column is named like the motion of the shaft"
-        return "" if self.kind == "tacho" or self.shaft_unit else f"the unit of {self.shaft!r}"
+        return "" if self.shaft_unit else f"the unit of {self.shaft!r}"
 
     @property
     def open(self) -> list[str]:
@@ -166,7 +166,7 @@ def contents_of(path: Path) -> FileContents:
     columns = read_columns(path)
     if not columns.columns:
         raise ValueError(without_signal(columns))
-    times = next(filter(is_time_name, columns.columns), None)
+    times = _time_column(columns)
     remarks: list[str] = []
     time_unit = ""
     clock = times or "time"  # of columns with times of their own
@@ -192,22 +192,41 @@ def contents_of(path: Path) -> FileContents:
     by_name = {name: even.rate for name, even in rates.items()}
     shaft = next(iter(shafts), None)
     contents = FileContents(columns, by_name, times, shaft, {}, remarks, time_unit)
-    if contents.shaft is None:
-        pulses = {name: count_pulses(v) for name, v in contents.numbers.items() if name != times}
-        contents.shaft = next(filter(pulses.get, pulses), None)
+    if contents.shaft is None or contents.kind == "tacho":
+        asked = [shaft] if shaft in contents.numbers else [*contents.numbers]
+        pulses = {name: count_pulses(contents.numbers[name]) for name in asked if name != times}
+        contents.shaft = shaft or next(filter(pulses.get, pulses), None)
         contents.n_pulses = pulses.get(contents.shaft or "", 0)
         contents.shaft = contents.shaft or next(iter(contents.positions), None)
     for name in (name for name in columns.columns if name not in (*contents.numbers, times)):
         first = first_non_number(columns.columns[name], columns.columns[name])
         contents.unused[name] = f"it does not consist of numbers, got {first}"
     contents.unused |= {name: f"it {defect}" for name, defect in columns.defects.items()}
-    codes = [name for name, values in contents.numbers.items() if is_status(name, values)]
-    contents.unused |= dict.fromkeys(codes, "it is named like a status of the samples")
+    reasons = {n: no_channel(n, v) for n, v in contents.numbers.items() if n not in (times, shaft)}
+    contents.unused |= {name: f"it {reason}" for name, reason in reasons.items() if reason}
     contents.unused |= dict.fromkeys(shafts[1:], "it is named like the motion of a shaft")
     if contents.missing_rates:
         names = ", ".join(contents.missing_rates)
         remarks.append(f"fs of {names}: neither the file nor a column of times states it")
     return contents
+
+
+def _time_column(columns: FileColumns) -> str | None:
+    """Return the column of times by its name, else that of dates, or that rises in s."""
+    for name in columns.columns:
+        if is_time_name(name):
+            return name
+    for name, values in columns.columns.items():
+        if values.dtype.kind not in "biufc":
+            with suppress(ValueError):
+                dates = dates_of(values[[0, -1]], name)
+                if 0 < (dates.iloc[1] - dates.iloc[0]).total_seconds() < 10 * len(values):
+                    return name
+        elif len(values) > 99 and (np.diff(values) > 0).all():
+            with suppress(ValueError):
+                unit_factor(columns.units.get(name, ""), "time")
+                return name
+    return None
 
 
 def count_pulses(values: NDArray[Any]) -> int:
@@ -329,7 +348,7 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
         '# "FILL IN": the file does not state it. Correct the line, and remove its first #.',
     ]
     if contents.times is not None:
-        lines.append(f"# time: the column {_as_toml(contents.times)}, found by its name")
+        lines.append(f"time = {_as_toml(contents.times)}")
     if contents.rates:
         lines.append(f"# fs: {_rates(contents)} Hz, found in the file")
     if missing := contents.missing_rates:
@@ -345,22 +364,24 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
         lines.append(
             '# velocity = "1797 rpm"  # FILL IN: a constant speed, or a column, or one of a file'
         )
-        lines.append('# beside it: velocity = {file = "{stem}_speed.csv", column = "rpm"}')
+        lines.append(
+            '# velocity = {file = "{stem}_speed.csv", column = "rpm"}  # or a file beside it'
+        )
         if contents.channels:
             vibration = f"{{vibration = {_as_toml(contents.channels[0])}, speeds = [20, 30]}}"
-            lines.append(f"# or, without a sensor: angle = {vibration}, the limits in rev/s")
+            lines.append(f"# angle = {vibration}  # or without a sensor, the limits in rev/s")
     elif contents.kind == "position":
         unit = contents.columns.units.get(contents.shaft, "") or "its unit"
         column = f"{{column = {_as_toml(contents.shaft)}, lead = 5.0}}"
         lines.append(f"# angle = {column}  # FILL IN: lead, the travel per revolution [{unit}]")
-    elif contents.n_pulses:
+    elif contents.kind == "tacho":
         reason = f"{contents.n_pulses} pulses are in this column"
         column = f"{{column = {_as_toml(contents.shaft)}, pulses_per_rev = 1}}"
         lines.append(f"# tacho = {column}  # FILL IN: {reason}")
     else:
         lines.append(f"{contents.kind} = {_as_toml(contents.shaft)}")
     if contents.shaft is None or contents.kind == "position":
-        lines += [f"# or: angle = {form}" for form in contents.groups]
+        lines += [f"# angle = {form}  # or by these columns" for form in contents.groups]
     fields = "_".join(f"{{field{n}}}" for n in range(1, path.stem.count("_") + 2))
     if meta is None:
         lines.append(
@@ -383,7 +404,8 @@ def _units(contents: FileContents) -> Iterator[str]:
         yield f"{_as_toml(shaft)} = {_as_toml(contents.shaft_unit)}{source}"
     elif shaft is not None and contents.kind not in ("tacho", "position"):
         usual = "rpm" if contents.kind == "velocity" else "rad"
-        yield f"# {_as_toml(shaft)} = {_as_toml(usual)}  # FILL IN: its unit"
+        others = "" if contents.kind == "velocity" else ", as deg, or rev/4096 of counts"
+        yield f"# {_as_toml(shaft)} = {_as_toml(usual)}  # FILL IN: its unit{others}"
     for name in contents.channels:
         if stated.get(name):
             yield f"{_as_toml(name)} = {_as_toml(stated[name])}"

@@ -187,18 +187,22 @@ def missing_codes(values: NDArray[Any]) -> NDArray[np.bool_]:
     return np.zeros(len(values), dtype=bool)
 
 
-def is_status(name: str, values: NDArray[Any]) -> bool:
-    """Tell whether a column is named like the status of samples, and has a few whole numbers.
+def no_channel(name: str, values: NDArray[Any]) -> str:
+    """Say what a column is by its name and whole numbers: status or number of samples; else "".
 
     Examples
     --------
-    >>> is_status("vib_quality", np.array([192, 192, 0])), is_status("oil quality", np.ones(2) / 2)
-    (True, False)
+    >>> no_channel("vib_quality", np.array([192, 0])), no_channel("oil quality", np.ones(2) / 2)
+    ('is named like a status of the samples', '')
     """
+    if values.dtype.kind not in "biuf" or not np.isfinite(values).all() or np.any(values % 1):
+        return ""
+    if len(values) > 99 and (np.diff(values.astype(np.float64)) == 1).all():
+        return "counts the samples"
     words = set(re.split(r"[^a-z]+", name.lower()))
-    if not words & {"status", "state", "quality", "flag", "flags", "valid", "validity", "ok"}:
-        return False
-    return values.dtype.kind in "biuf" and len(np.unique(values)) <= 16 and not np.any(values % 1)
+    is_named = words & {"status", "state", "quality", "flag", "flags", "valid", "validity", "ok"}
+    is_status = bool(is_named) and len(np.unique(values)) <= 16
+    return "is named like a status of the samples" if is_status else ""
 
 
 def without_signal(content: FileColumns) -> str:

@@ -154,7 +154,10 @@ def dates_of(values: NDArray[Any], name: str) -> pd.Series:
         else:
             texts = texts.str.replace(r"^(\d+)\.(\d+)\.(\d{4})\b", r"\3-\2-\1", regex=True)
             has_zone = re.search(r"(Z|[+-]\d\d:?\d\d)$", texts.iloc[0]) is not None
-            dates = pd.to_datetime(texts, errors="coerce", format="ISO8601", utc=has_zone)
+            form = "ISO8601"
+            if re.search(r" [AP]M$", texts.iloc[0]):
+                form = f"%Y-%m-%d %I:%M:%S{'.%f' if '.' in texts.iloc[0] else ''} %p"
+            dates = pd.to_datetime(texts, errors="coerce", format=form, utc=has_zone)
     if dates.isna().any():
         is_number = np.array([isinstance(value, float) for value in values])
         place = int(np.argmin(is_number) if is_number[0] else np.argmax(dates.isna()))
