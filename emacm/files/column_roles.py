@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -166,8 +167,6 @@ def _aligned(motion: dict[str, Any], delay: float, duration: float) -> dict[str,
     (kind, values), (_, rate) = motion.items()
     if np.ndim(values) == 0:
         return motion
-    if kind == "angle" and is_wrapped(values):
-        values = angle_from_wrapped(values)
     place = np.arange(max(2, round(duration * rate))) - round(delay * rate, 3)
     if place[0] < -1 or place[-1] > len(values):
         raise ValueError(
@@ -227,16 +226,9 @@ def start_of(content: FileColumns, layout: Layout) -> pd.Timestamp | None:
 def _check_units(content: FileColumns, layout: Layout, second: FileColumns | None) -> None:
     """Refuse unit or scale of a name that occurs nowhere: mistyped, it would not be applied."""
     scale = layout.scale if isinstance(layout.scale, Mapping) else {}
-    parts: list[Any] = [
-        layout.fs,
-        layout.time,
-        layout.channels,
-        layout.velocity,
-        layout.angle,
-        layout.tacho,
-    ]
+    named = replace(layout, units=None, scale=None).key
     for name in (*layout.units, *scale):
-        is_named = re.search(rf"(?<!\w){re.escape(name)}(?!\w)", str(parts))
+        is_named = re.search(rf"(?<!\w){re.escape(name)}(?!\w)", named)
         may_lack = name in ("velocity", "speed", "angle") or is_time_name(name)
         is_known = content.has(name) or (second is not None and second.has(name))
         if not (is_named or may_lack or is_known):
@@ -470,14 +462,8 @@ def _shaft(
     fs: float,
 ) -> dict[str, Any]:
     """Return the motion of the shaft of interest in rad or rad/s, and its rate [Hz]."""
-    motion = _measured_shaft(content, layout, columns, rates, fs)
-    kind = "angle" if "angle" in motion else "velocity"
-    if layout.ratio != 1:
-        values = motion[kind]
-        if kind == "angle" and is_wrapped(values):
-            values = angle_from_wrapped(values)
-        motion[kind] = values * layout.ratio
-    return motion
+    (kind, values), (_, rate) = _measured_shaft(content, layout, columns, rates, fs).items()
+    return {kind: values if layout.ratio == 1 else values * layout.ratio, "shaft_fs": rate}
 
 
 def _measured_shaft(
@@ -519,7 +505,7 @@ def _measured_shaft(
         return {"angle": found.angle, "shaft_fs": even.rate}
     factor = unit_factor(_shaft_unit(content, layout, column, kind), kind)
     values = values if factor == 1 else values * factor
-    if form.get("wrapped") or (even.uneven is not None and kind == "angle" and is_wrapped(values)):
+    if form.get("wrapped") or (kind == "angle" and is_wrapped(values)):
         values = angle_from_wrapped(values)
     return {kind: even.resampled(values), "shaft_fs": even.rate}
 

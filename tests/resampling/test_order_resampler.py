@@ -370,28 +370,6 @@ def test_float32_recordings_stay_float32_and_give_the_same_features(kernels, opt
     np.testing.assert_allclose(found, features, rtol=1e-5, atol=1e-10 * features.sum())
 
 
-def geared_run(ratio, reference):
-    """A tone at order 3 of a shaft that turns `ratio` times as far as the measured one."""
-    times = np.arange(6000) / FS
-    velocity = 2 * np.pi * (11 + 4 * np.sin(2 * times))
-    angle = np.cumsum(velocity) / FS + 0.7
-    shaft = {"velocity": velocity} if reference == "velocity" else {"angle": angle}
-    return Recording({"b": np.cos(3 * ratio * angle), "a": np.sin(angle)}, FS, **shaft)
-
-
-@pytest.mark.parametrize("reference", ["velocity", "angle"])
-@pytest.mark.parametrize("ratio", [13 / 35, 2.6])
-def test_a_tone_of_another_shaft_stands_at_its_order_of_that_shaft(ratio, reference):
-    resampler = OrderResampler(2 * np.pi / 32, ratio=ratio)
-    over_angle = resampler.fit_transform([geared_run(ratio, reference)])
-    psd = OrderPSD(5, scaling="spectrum").fit(over_angle)
-    orders = np.array([float(name.split("@")[1]) for name in psd.get_feature_names_out()])
-    n_orders = len(orders) // 2
-    power = psd.transform(over_angle)[0, :n_orders]
-    assert orders[power.argmax()] == 3
-    np.testing.assert_allclose(power.max(), 0.5, rtol=0.01)
-
-
 def test_a_ratio_equals_a_recording_of_the_other_shaft():
     measured = run(n_times=5000)
     other = Recording(measured.signals, FS, velocity=4 * measured.velocity)
