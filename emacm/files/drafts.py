@@ -110,7 +110,8 @@ class FileContents:
     def of_shaft(self) -> str:
         """What must be stated of the shaft; "" if nothing."""
         if self.kind == "tacho":
-            return f"pulses_per_rev of tacho: {self.shaft!r} has {self.n_pulses} pulses"
+            counted = f" has {self.n_pulses} pulses" if self.n_pulses else ""
+            return f"pulses_per_rev of tacho: {self.shaft!r}{counted}"
         if self.kind == "position":
             return f"lead of angle: {self.shaft!r} looks like the position of the nut of a screw"
         if self.shaft is None:
@@ -192,12 +193,12 @@ def contents_of(path: Path) -> FileContents:
     by_name = {name: even.rate for name, even in rates.items()}
     shaft = next(iter(shafts), None)
     contents = FileContents(columns, by_name, times, shaft, {}, remarks, time_unit)
-    if contents.shaft is None or contents.kind == "tacho":
-        asked = [shaft] if shaft in contents.numbers else [*contents.numbers]
+    if shaft is None or contents.kind == "tacho":
+        asked = contents.numbers if shaft is None else {shaft} & contents.numbers.keys()
         pulses = {name: count_pulses(contents.numbers[name]) for name in asked if name != times}
-        contents.shaft = shaft or next(filter(pulses.get, pulses), None)
-        contents.n_pulses = pulses.get(contents.shaft or "", 0)
-        contents.shaft = contents.shaft or next(iter(contents.positions), None)
+        found = shaft or next(filter(pulses.get, pulses), None)
+        contents.shaft = found or next(iter(contents.positions), None)
+        contents.n_pulses = pulses.get(found or "", 0)
     for name in (name for name in columns.columns if name not in (*contents.numbers, times)):
         first = first_non_number(columns.columns[name], columns.columns[name])
         contents.unused[name] = f"it does not consist of numbers, got {first}"
@@ -360,26 +361,26 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
     lines += [f"# {_as_toml(name)} is not used: {why}" for name, why in contents.unused.items()]
     if contents.columns.is_relative:
         lines.append("# scale = 1.0  # FILL IN: full scale, in the unit of the channels")
-    if contents.shaft is None:
-        lines.append(
-            '# velocity = "1797 rpm"  # FILL IN: a constant speed, or a column, or one of a file'
-        )
-        lines.append(
-            '# velocity = {file = "{stem}_speed.csv", column = "rpm"}  # or a file beside it'
-        )
-        if contents.channels:
-            vibration = f"{{vibration = {_as_toml(contents.channels[0])}, speeds = [20, 30]}}"
-            lines.append(f"# angle = {vibration}  # or without a sensor, the limits in rev/s")
-    elif contents.kind == "position":
-        unit = contents.columns.units.get(contents.shaft, "") or "its unit"
-        column = f"{{column = {_as_toml(contents.shaft)}, lead = 5.0}}"
-        lines.append(f"# angle = {column}  # FILL IN: lead, the travel per revolution [{unit}]")
-    elif contents.kind == "tacho":
-        reason = f"{contents.n_pulses} pulses are in this column"
-        column = f"{{column = {_as_toml(contents.shaft)}, pulses_per_rev = 1}}"
-        lines.append(f"# tacho = {column}  # FILL IN: {reason}")
+    shaft = _as_toml(contents.shaft or "")
+    unit = contents.columns.units.get(contents.shaft or "", "") or "its unit"
+    forms = {
+        "position": f"# angle = {{column = {shaft}, lead = 5.0}}  # FILL IN: lead, the travel per "
+        f"revolution [{unit}]",
+        "tacho": f"# tacho = {{column = {shaft}, pulses_per_rev = 1}}  # FILL IN: pulses of a "
+        f"revolution; the column has {contents.n_pulses}",
+    }
+    if contents.shaft is not None:
+        lines.append(forms.get(contents.kind, f"{contents.kind} = {shaft}"))
     else:
-        lines.append(f"{contents.kind} = {_as_toml(contents.shaft)}")
+        lines += [
+            '# velocity = "1797 rpm"  # FILL IN: a constant speed, or a column, or one of a file',
+            '# velocity = {file = "{stem}_speed.csv", column = "rpm"}  # or a file beside it',
+        ]
+        lines += [
+            f"# angle = {{vibration = {_as_toml(name)}, speeds = [20, 30]}}  # or without "
+            f"a sensor of the shaft: limits in rev/s"
+            for name in contents.channels[:1]
+        ]
     if contents.shaft is None or contents.kind == "position":
         lines += [f"# angle = {form}  # or by these columns" for form in contents.groups]
     fields = "_".join(f"{{field{n}}}" for n in range(1, path.stem.count("_") + 2))
