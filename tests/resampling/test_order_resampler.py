@@ -140,31 +140,12 @@ def test_an_array_of_three_dimensions_equals_its_recordings(reference_kind, refe
 
 
 @pytest.mark.parametrize("reference_kind", ["velocity", "angle"])
-def test_a_list_of_unequal_arrays_equals_its_recordings(reference_kind):
-    arrays, recordings = [], []
-    for n_times in (900, 1500, 1200):
-        more_arrays, more_recordings = bare(reference_kind, 1, n_times)
-        arrays += more_arrays
-        recordings += more_recordings
-    resampler = resampler_of_bare(reference=2, reference_kind=reference_kind)
-    assert_equal(resampler.fit_transform(arrays), OrderResampler(THETA_S).fit_transform(recordings))
-
-
-@pytest.mark.parametrize("reference_kind", ["velocity", "angle"])
 @pytest.mark.parametrize("reference", [2, -1, "shaft"])
 def test_a_list_of_frames_equals_its_recordings(reference_kind, reference):
     arrays, recordings = bare(reference_kind)
     frames = [pd.DataFrame(array.T, columns=["x0", "x1", "shaft"]) for array in arrays]
     resampler = resampler_of_bare(reference=reference, reference_kind=reference_kind)
     assert_equal(resampler.fit_transform(frames), OrderResampler(THETA_S).fit_transform(recordings))
-
-
-def test_a_channel_between_others_may_be_the_shaft():
-    arrays, _ = bare("velocity")
-    moved = [array[[0, 2, 1]] for array in arrays]
-    resampler = resampler_of_bare(reference=1).fit(moved)
-    assert resampler.channels_ == ("x0", "x2")
-    assert_equal(resampler.transform(moved), resampler_of_bare(reference=2).fit_transform(arrays))
 
 
 def test_the_shaft_is_a_channel_of_the_result_only_if_named():

@@ -53,13 +53,6 @@ def test_falling_edges_are_rising_edges_of_the_negative():
     )
 
 
-def test_noise_on_a_tacho_makes_no_double_pulses():
-    noise = np.random.default_rng(0).normal(0, 0.05, len(TIME))
-    times = pulse_times(np.sin(TURN * (10 * TIME - 0.123)) + noise, FS)
-    assert len(times) == 30
-    assert np.abs(times - (np.arange(30) + 0.123) / 10).max() < 3e-3
-
-
 # Pulses to angle
 
 BOUND = {"constant": 1e-10, "ramp": 1e-10, "sinusoidal": 5e-3}
