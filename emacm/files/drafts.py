@@ -93,9 +93,13 @@ class FileContents:
         phases += [["iu", "iv", "iw"], ["i1", "i2", "i3"]]
         found = [[known[each] for each in names] for names in phases if {*names} <= known.keys()]
         lines = [f"{{currents = {json.dumps(names)}, pole_pairs = 1}}" for names in found]
-        if {"sin", "cos"} <= known.keys():
-            lines.append(f"{{resolver = {json.dumps([known['sin'], known['cos']])}}}")
-        return lines
+        return lines + [f"{{resolver = {json.dumps(names)}}}" for names in [self.resolver] if names]
+
+    @property
+    def resolver(self) -> list[str]:
+        """Columns that are named like sine and cosine."""
+        named = {name.lower(): name for name in self.numbers}
+        return [named["sin"], named["cos"]] if {"sin", "cos"} <= named.keys() else []
 
     @property
     def shaft_unit(self) -> str:
@@ -205,6 +209,7 @@ def contents_of(path: Path) -> FileContents:
     contents.unused |= {name: f"it {defect}" for name, defect in columns.defects.items()}
     reasons = {n: no_channel(n, v) for n, v in contents.numbers.items() if n not in (times, shaft)}
     contents.unused |= {name: f"it {reason}" for name, reason in reasons.items() if reason}
+    contents.unused |= dict.fromkeys(contents.resolver, "it is named like an output of a resolver")
     contents.unused |= dict.fromkeys(shafts[1:], "it is named like the motion of a shaft")
     if contents.missing_rates:
         names = ", ".join(contents.missing_rates)

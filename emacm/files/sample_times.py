@@ -115,9 +115,9 @@ def dates_of(values: NDArray[Any], name: str) -> pd.Series:
     Parameters
     ----------
     values : ndarray of shape (n_times,)
-        Dates, or texts such as "2026-11-01T08:01:00.0001", "01.11.2026 08:01:00,0001" (day first)
-        or "08:01:00.0001"; where a time of day goes back by more than 12 h, the next day begins.
-        Offsets from UTC may change.
+        Dates, or texts such as "2026-11-01T08:01:00.0001", "01.11.2026 08:01:00,0001" (day first,
+        as with slashes and a decimal comma) or "08:01:00.0001"; where a time of day goes back by
+        more than 12 h, the next day begins. Offsets from UTC may change.
     name : str
         Name of the column, for messages.
 
@@ -137,10 +137,12 @@ def dates_of(values: NDArray[Any], name: str) -> pd.Series:
     """
     dates = texts = pd.Series(values)
     if values.dtype.kind != "M":
-        texts = texts.astype(str).str.strip().str.replace(",", ".", regex=False)
+        texts = texts.astype(str).str.strip()
+        has_comma = "," in texts.iloc[0]  # as where the day is first
+        texts = texts.str.replace(",", ".", regex=False)
         texts = texts.str.replace(r"\s+", " ", regex=True)
         if slashes := re.match(r"(\d\d?)/(\d\d?)/\d{4}\b", texts.iloc[0]):
-            if int(slashes[1]) <= 12 and int(slashes[2]) <= 12:
+            if int(slashes[1]) <= 12 and int(slashes[2]) <= 12 and not has_comma:
                 raise ValueError(
                     f"time column {name!r} has {texts.iloc[0]!r}, whose day and month are not "
                     f"known. Write 2026-11-01 or 01.11.2026, or {ignore_hint(name)}."

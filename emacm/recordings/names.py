@@ -11,7 +11,7 @@ from typing import Any
 from emacm._checks import once_hint
 
 _TIME_WORDS = {"t", "time", "times", "timestamp", "timestamps", "seconds", "elapsed", "datetime"}
-_TIME_WORDS |= {"zeit", "zeitstempel", "uhrzeit", "temps", "tempo", "tiempo"}
+_TIME_WORDS |= {"zeit", "zeitstempel", "uhrzeit", "temps", "tempo", "tiempo", "horodatage"}
 _SHAFT_WORDS = {"angle", "angular", "encoder", "keyphasor", "resolver", "rpm", "speed", "tacho"}
 _SHAFT_WORDS |= {"tach", "tachometer", "theta", "velocity", "omega", "drehzahl", "winkel"}
 _SHAFT_WORDS |= {"vitesse", "velocidad"}
