@@ -211,7 +211,7 @@ def _gap_in_rounded(seconds: Times, tick: float) -> str:
     place = first + int(np.argmax(np.diff(seconds[first : first + 9])))
     return (
         f", with a gap of {(missing + 1) * usual:.3g} s after sample {place} ({seconds[place]:.6g} "
-        f"s), besides being rounded to {tick:g} s: {missing} samples are missing there, at "
+        f"s), besides being rounded to {tick:g} s; samples missing there: {missing}, at "
         f"{float(f'{1 / usual:.4g}'):g} Hz. Cut the recording there, or correct the clock"
     )
 

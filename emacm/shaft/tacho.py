@@ -107,7 +107,7 @@ def _stated_pulses(
     half = check_number(hysteresis, "hysteresis", at_least=0) / 2
     height = (signal - level) * (1.0 if edge == "rising" else -1.0)
     fired, above = _fired(height, half)
-    _check_level(signal, len(fired))
+    _check_drift(signal, len(fired))
     if not len(fired):
         raise ValueError(
             f"tacho must cross {level:.6g} ± {half:.6g} by a {edge} edge, got none in values from "
@@ -149,7 +149,7 @@ def _without_drift(signal: Angle) -> tuple[Angle, float]:
     return signal, 0.0
 
 
-def _check_level(signal: Angle, n_pulses: int) -> None:
+def _check_drift(signal: Angle, n_pulses: int) -> None:
     """Refuse a level that drifts or jumps by more than the pulses, of which many cross none.
 
     Then there are more peaks than pulses, all equally high and far above the noise.
@@ -286,7 +286,7 @@ def _repaired(times: ArrayLike, fs: float, n_times: int, pulses_per_rev: float) 
     statements = _repair_statements(n_missing, len(pulses) - len(kept), len(pulses))
     speeds = np.log(steps / np.diff(kept))
     statements += _scatter_statements(speeds)
-    statements += _doubt_statements(found.doubtful, pulses, kept, speeds)
+    statements += _doubt_statements(pulses[found.doubtful], kept, speeds)
     begin, end = (np.diff(kept) / np.diff(places))[[0, -1]]
     _check_gap(kept[0] / begin, f"before the first pulse at {kept[0]:.6g} s")
     _check_gap((instants[-1] - kept[-1]) / end, f"after the last pulse at {kept[-1]:.6g} s")
@@ -335,9 +335,7 @@ def _scatter_statements(logs: Angle) -> tuple[Statement, ...]:
     return (Statement("jitter", "", text, value=scatter, limit=0.07),)
 
 
-def _doubt_statements(
-    doubtful: tuple[tuple[int, int], ...], pulses: Angle, kept: Angle, speeds: Angle
-) -> tuple[Statement, ...]:
+def _doubt_statements(doubtful: Angle, kept: Angle, speeds: Angle) -> tuple[Statement, ...]:
     """State where the number of turns is not known, as where the shaft reverses.
 
     There the speed falls and rises again, faster from pulse to pulse: with constant deceleration by
@@ -346,16 +344,15 @@ def _doubt_statements(
     turning = np.minimum(speeds[:-4] - speeds[1:-3], speeds[4:] - speeds[3:-1]) > np.log(1.25)
     lowest = minimum_filter1d(np.minimum(speeds, -np.log(np.diff(kept))), 3)[2:-2]
     turning &= np.minimum(speeds[:-4], speeds[4:]) - lowest > np.log(1.7)
-    times = kept[2:-3][turning] if turning.any() else pulses[[first for first, _ in doubtful]]
+    times = kept[2:-3][turning] if turning.any() else doubtful
     if not len(times):
         return ()
-    kind = "tachometer"
-    text = f"at {times[0]:.4g} s ({len(times)} places in all) the speed changes so suddenly that "
-    text += "missing and double pulses cannot be told from it"
+    place = f"at {times[0]:.4g} s ({len(times)} places in all) the speed"
+    kind = "reversal" if turning.any() else "tachometer"
+    text = f"{place} changes so suddenly that missing and double pulses cannot be told from it"
     if turning.any():
-        kind = "reversal"
-        text = f"at {times[0]:.4g} s ({len(times)} places in all) the speed falls and rises again "
-        text += "as where the shaft reverses, and pulses do not show the direction"
+        text = f"{place} falls and rises again as where the shaft reverses, and pulses do not show "
+        text += "the direction"
     text += ": the number of turns is not known"
     return (Statement(kind, "", text, True, len(times), 0),)
 
