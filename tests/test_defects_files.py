@@ -47,7 +47,7 @@ def inspected(path, capsys):
 
 @ignored
 @every_format
-@pytest.mark.parametrize("every", [3, 10, 250])
+@pytest.mark.parametrize("every", [3, 250])
 def test_a_regular_gap_is_no_lower_rate(tmp_path, suffix, every):
     kept = np.arange(N) % every != every // 2
     path = write(tmp_path / f"a.{suffix}", {"vib": TONE[kept]}, TIMES[kept])
@@ -122,11 +122,11 @@ def test_the_shaft_is_resampled_with_the_channels(tmp_path, kind):
     np.testing.assert_allclose(recording.velocity[400:-400], right[400:-400], atol=tolerance)
 
 
-@pytest.mark.parametrize("digits", [3, 4, 6, 12])
-@pytest.mark.parametrize("fs", [25.6, 512, 640, 700, 1024, 1652, 2048, 12_800, 48_828.125])
+@pytest.mark.parametrize("digits", [3, 4, 6])
+@pytest.mark.parametrize("fs", [25.6, 640, 1024, 1652, 12_800, 48_828.125])
 def test_rounded_times_give_the_rate_and_its_uncertainty(tmp_path, fs, digits):
     times = np.round(3.7 + np.arange(50_000) / fs, digits)
-    recording = opened(write(tmp_path / "a.csv", {"vib": np.zeros(50_000)}, times))
+    recording = opened(write(tmp_path / "a.npz", {"vib": np.zeros(50_000)}, times))
     if fs > 500 and 10.0**-digits / (50_000 / fs) > 1e-5:
         with pytest.warns(EmacmWarning, match=r"rounded to 0.0*1 s: the rate is .* within"):
             assert recording.fs["vib"] == pytest.approx(fs, rel=2e-4)
@@ -171,12 +171,31 @@ def test_one_rate_or_missing_samples_is_for_the_layout_to_state(tmp_path):
     assert opened(path, fs=900).fs["vib"] == 900
 
 
-@pytest.mark.parametrize("start", [0.0, 46354.5, 738_000.5])
+@pytest.mark.parametrize("missing", [1, 20])
+@pytest.mark.parametrize("fs", [640, 800, 1024, 1500, 2048])
+def test_a_gap_between_times_that_are_rounded_is_named(tmp_path, fs, missing):
+    times = np.delete(np.round(np.arange(9000) / fs, 3), np.arange(4000, 4000 + missing))
+    path = write(tmp_path / "a.csv", {"vib": np.zeros(len(times))}, times)
+    refused(path, rf"a gap of .* after sample (399\d|400\d) .* samples missing there: {missing}, ")
+
+
+@ignored
+@pytest.mark.parametrize("suffix", ["uff", "mf4"])
+@pytest.mark.parametrize(("unit", "size"), [("d", 86_400), ("ms", 1e-3)])
+def test_times_of_a_format_may_be_in_another_unit_too(tmp_path, suffix, unit, size, capsys):
+    path = write(tmp_path / f"a.{suffix}", {"vib": TONE}, TIMES / size)
+    refused(path, rf"in {unit} it is 1000.* = {{time = '{unit}'}}")
+    assert opened(path, units={"time": unit}).fs["vib"] == 1000
+    assert f'"time" = "{unit}"' in inspected(path, capsys)
+
+
 @pytest.mark.parametrize(
-    ("unit", "word", "size"),
+    ("start", "unit", "word", "size"),
     [
-        *(("d", "days", 86_400), ("h", "hours", 3600), ("ms", "milliseconds", 1e-3)),
-        ("us", "microseconds", 1e-6),
+        *((day, "d", "days", 86_400) for day in (0.0, 46354.5, 738_000.5)),
+        (46354.5, "h", "hours", 3600),
+        (0.0, "ms", "milliseconds", 1e-3),
+        (738_000.5, "us", "microseconds", 1e-6),
     ],
 )
 def test_times_in_another_unit_are_refused_with_the_unit_that_fits(
@@ -231,8 +250,8 @@ def test_a_point_in_a_rate_beside_decimal_commas_is_no_decimal_point(tmp_path):
     assert opened(tmp_path / "a.csv", fs=51200).fs["vib"] == 51200
 
 
-def rows_of(row):
-    return "".join(row(k / 1000, f"{TONE[k]:.5f}") + "\n" for k in range(300))
+def rows_of(row, longest=0.3):
+    return "".join(row(k / 1000, f"{TONE[k]:.5f}") + "\n" for k in range(int(1000 * longest)))
 
 
 def comma(number):
@@ -255,6 +274,37 @@ def comma(number):
 def test_marks_that_do_not_fit_are_named_for_what_they_are(tmp_path, header, row, message):
     (tmp_path / "a.csv").write_text(f"{header}\n{rows_of(row)}")
     refused(tmp_path / "a.csv", message)
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "layout"),
+    [
+        (
+            "Temps (s);Vibration (g);Vitesse (tr/min)",
+            lambda t, x: f"{comma(t)};{x.replace('.', ',')};{600 + t:.2f}".replace(".", ","),
+            'velocity = "Vitesse"',
+        ),
+        (
+            "Recorded,Sample,Accel (g),Speed (RPM)",
+            lambda t, x: f"03/13/2026 12:59:{t:09.6f} PM,{1000 * t:.0f},{x},{600 + t:.2f}",
+            'time = "Recorded"',
+        ),
+        (
+            "Laufzeit [ms];Beschl [g];Tacho [V]",
+            lambda t, x: f"{1000 * t:.0f};{x.replace('.', ',')};{5 * (t * 20 % 1 < 0.5)}",
+            "tacho = {column",
+        ),
+    ],
+)
+def test_names_and_dates_of_other_countries_are_proposed(tmp_path, header, row, layout, capsys):
+    (tmp_path / "a.csv").write_text(f"{header}\n{rows_of(row, 0.9)}", encoding="utf-8")
+    text = inspected(tmp_path / "a.csv", capsys)
+    assert layout in text
+    assert "1000 Hz, found in the file" in text
+    (tmp_path / "a.toml").write_text(text[text.index("# Layout") :].replace("# tacho", "tacho"))
+    recording = open_recording(tmp_path / "a.csv", Layout.from_toml(tmp_path / "a.toml"))
+    (channel,) = recording.channels
+    np.testing.assert_allclose(recording.signals[channel], TONE[:900], atol=1e-5)
 
 
 @pytest.mark.parametrize("name", ["time", None])
@@ -359,7 +409,8 @@ BEYOND = (1e20, -1e30, 9.97e36, np.finfo("f4").max)
 
 
 @pytest.mark.parametrize(
-    "code", [-9999, -999, -999.25, 32767, -32768, 8388607, 2.0**32 - 1, 99999, 9.91e37, *BEYOND]
+    "code",
+    [-9999, -999, -99, -999.25, 32767, -32768, 8388607, 2.0**32 - 1, 99999, 9.91e37, *BEYOND],
 )
 @pytest.mark.parametrize("dtype", ["f8", "f4"])
 def test_codes_for_missing_values_are_no_samples(tmp_path, code, dtype):
@@ -373,6 +424,22 @@ def test_codes_for_missing_values_are_no_samples(tmp_path, code, dtype):
     clipped = np.clip(40_000 * TONE, -32768, 32767).astype("i2")  # full scale is no code
     path = write(tmp_path / "b.npz", {"vib": clipped}, fs=1000)
     assert opened(path).signals["vib"].max() == 32767
+
+
+def test_a_code_among_values_that_are_larger_is_no_sample(tmp_path):
+    speed = np.where(np.arange(N) % 900 == 42, -999, 1500 + 20 * TONE)
+    path = write(tmp_path / "a.npz", {"vib": TONE, "load": speed}, fs=1000)
+    refused(path, "'load' has 7 values of -999, first at sample 42")
+
+
+@pytest.mark.filterwarnings("ignore:column '(valid|sample)'")
+def test_a_column_of_states_is_no_channel_unless_it_is_listed(tmp_path, capsys):
+    states = {"vib_quality": np.full(N, 192), "valid": TONE > 2, "sample": np.arange(N)}
+    path = write(tmp_path / "a.npz", {"vib": TONE, "quality": TONE} | states, fs=1000)
+    with pytest.warns(EmacmWarning, match="'vib_quality' is named like a status"):
+        assert opened(path).channels == ("vib", "quality")  # and not the numbers of the samples
+    assert opened(path, channels=["valid"]).channels == ("valid",)
+    assert "Not used: 'vib_quality', it is named like a status" in inspected(path, capsys)
 
 
 @ignored

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,14 @@ from numpy.typing import NDArray
 
 from emacm._checks import check_signal, located
 from emacm._statements import warn
-from emacm.files.even_times import EvenTimes, even_times
-from emacm.files.file_columns import FileColumns, is_rate_name, missing_codes, without_signal
+from emacm.files.even_times import EvenTimes, Times, even_times
+from emacm.files.file_columns import (
+    FileColumns,
+    is_rate_name,
+    missing_codes,
+    no_channel,
+    without_signal,
+)
 from emacm.files.layout import Layout, constant_speed
 from emacm.files.sample_times import dates_of, seconds_of, unit_that_fits
 from emacm.files.shaft_references import (
@@ -107,9 +114,10 @@ def recording_arguments(
             delay = _delay((content, layout), (second, of_second))
             longest = max(len(values) / fs[name] for name, values in signals.items())
             arguments |= _aligned(motion, delay, longest)
-    if times and layout.fs is None:
+    if layout.fs is None and layout.time is not False:
         speed = float(np.max(np.abs(arguments.get("velocity", 0.0)))) / (2 * np.pi)
-        _check_unit_of_times(content, layout, times, speed)
+        for clock in {times, *channels.values()} & {times, *content.times} - {None}:
+            _seconds(content, layout, str(clock), None, speed)
     return arguments
 
 
@@ -118,20 +126,29 @@ def _stated_unit(content: FileColumns, layout: Layout, times: str) -> str:
     return layout.unit_of(times) or content.units.get(times, "") or time_unit_in_name(times)
 
 
-def _check_unit_of_times(
-    content: FileColumns, layout: Layout, times: str, speed: float = 0.0
-) -> None:
-    """Refuse times without a stated unit if their rate is not credible in s."""
-    values = content.columns[times]
-    unit = "" if _stated_unit(content, layout, times) else unit_that_fits(values, speed)
+def _seconds(
+    content: FileColumns, layout: Layout, clock: str, fs: float | None, speed: float = 0.0
+) -> tuple[Times, float]:
+    """Return the times of a column of times, or those of a column that has its own [s].
+
+    Also, to what their type rounds them. Those without a stated unit are refused if their rate is
+    not credible in s.
+    """
+    values = content.times.get(clock, content.columns[clock])
+    is_own = clock in content.times
+    name = "time" if is_own else clock
+    stated = layout.unit_of("time") if is_own else _stated_unit(content, layout, clock)
+    found = seconds_of(values, stated or "s", clock)
+    unit = "" if stated or fs else unit_that_fits(values, speed)
     if unit:
         rate = (len(values) - 1) / float(values[-1] - values[0])
         raise ValueError(
-            f"time column {times!r} gives a rate of {rate:.6g} Hz if it is in s, which is not "
+            f"time column {name!r} gives a rate of {rate:.6g} Hz if it is in s, which is not "
             f"credible; in {unit} it is {rate / unit_factor(unit, 'time'):.6g} Hz. Are these "
             f"{unit_word(unit)}? State the unit in the layout, also if it is s: units = "
-            f"{{{times} = {unit!r}}}."
+            f"{{{name} = {unit!r}}}."
         )
+    return found
 
 
 def _check_starts(content: FileColumns, rates: Mapping[str, EvenTimes]) -> None:
@@ -150,8 +167,6 @@ def _aligned(motion: dict[str, Any], delay: float, duration: float) -> dict[str,
     (kind, values), (_, rate) = motion.items()
     if np.ndim(values) == 0:
         return motion
-    if kind == "angle" and is_wrapped(values):
-        values = angle_from_wrapped(values)
     place = np.arange(max(2, round(duration * rate))) - round(delay * rate, 3)
     if place[0] < -1 or place[-1] > len(values):
         raise ValueError(
@@ -211,16 +226,9 @@ def start_of(content: FileColumns, layout: Layout) -> pd.Timestamp | None:
 def _check_units(content: FileColumns, layout: Layout, second: FileColumns | None) -> None:
     """Refuse unit or scale of a name that occurs nowhere: mistyped, it would not be applied."""
     scale = layout.scale if isinstance(layout.scale, Mapping) else {}
-    parts: list[Any] = [
-        layout.fs,
-        layout.time,
-        layout.channels,
-        layout.velocity,
-        layout.angle,
-        layout.tacho,
-    ]
+    named = replace(layout, units=None, scale=None).key
     for name in (*layout.units, *scale):
-        is_named = re.search(rf"(?<!\w){re.escape(name)}(?!\w)", str(parts))
+        is_named = re.search(rf"(?<!\w){re.escape(name)}(?!\w)", named)
         may_lack = name in ("velocity", "speed", "angle") or is_time_name(name)
         is_known = content.has(name) or (second is not None and second.has(name))
         if not (is_named or may_lack or is_known):
@@ -282,8 +290,14 @@ def _channel_columns(
             f"column {motions[0]!r} is named like the motion of the shaft. Name it in velocity, "
             f"angle or tacho, or set channels = {[n for n in rest if n not in motions]}."
         )
+    reasons = {name: no_channel(name, content.columns[name]) for name in rest}
+    others = {name: reason for name, reason in reasons.items() if reason}
+    rest = [name for name in rest if name not in others]
     if not rest:
-        raise ValueError(f"it has no channel besides {sorted(filter(None, ignored))}.")
+        raise ValueError(f"it has no channel besides {sorted({*others, *filter(None, ignored)})}.")
+    for name, reason in others.items():
+        text = f"column {name!r} {reason}, and is left out. Set channels to choose the columns"
+        warn("columns", f"{text}; samples that a status marks as invalid are used.", channel=name)
     return {name: name for name in rest}
 
 
@@ -342,11 +356,10 @@ def rates_of_columns(
             )
         rate = stated or known
         if column in content.times and layout.time is not False:
-            own_times = content.times[column]
-            found[column] = even_times(own_times, column, rate, resample=layout.resample)
+            found[column] = _rate_of_times(content, layout, column, rate)
         elif times and len(content.columns[column]) == len(content.columns[times]):
             if rate not in shared:
-                shared[rate] = _shared_times(content, layout, times, rate)
+                shared[rate] = _rate_of_times(content, layout, times, rate)
             found[column] = shared[rate]
         elif rate:
             found[column] = EvenTimes(rate)
@@ -367,15 +380,12 @@ def _rate_of_layout(content: FileColumns, layout: Layout, name: str, column: str
     return None if stated is None else float(stated)
 
 
-def _shared_times(content: FileColumns, layout: Layout, times: str, fs: float | None) -> EvenTimes:
-    """Return the rate of the column of times."""
-    if times in content.defects:
-        raise ValueError(f"time column {times!r} {content.defects[times]}.")
-    unit = _stated_unit(content, layout, times) or "s"
-    seconds, resolution = seconds_of(content.columns[times], unit, times)
-    if fs is None:
-        _check_unit_of_times(content, layout, times)
-    return even_times(seconds, times, fs, resolution=resolution, resample=layout.resample)
+def _rate_of_times(content: FileColumns, layout: Layout, clock: str, fs: float | None) -> EvenTimes:
+    """Return the rate of a column of times, or of a column that has its own."""
+    if clock in content.defects and clock not in content.times:
+        raise ValueError(f"time column {clock!r} {content.defects[clock]}.")
+    seconds, resolution = _seconds(content, layout, clock, fs)
+    return even_times(seconds, clock, fs, resolution=resolution, resample=layout.resample)
 
 
 def _stated_rates(content: FileColumns) -> tuple[dict[str, float], dict[str, float]]:
@@ -452,14 +462,8 @@ def _shaft(
     fs: float,
 ) -> dict[str, Any]:
     """Return the motion of the shaft of interest in rad or rad/s, and its rate [Hz]."""
-    motion = _measured_shaft(content, layout, columns, rates, fs)
-    kind = "angle" if "angle" in motion else "velocity"
-    if layout.ratio != 1:
-        values = motion[kind]
-        if kind == "angle" and is_wrapped(values):
-            values = angle_from_wrapped(values)
-        motion[kind] = values * layout.ratio
-    return motion
+    (kind, values), (_, rate) = _measured_shaft(content, layout, columns, rates, fs).items()
+    return {kind: values if layout.ratio == 1 else values * layout.ratio, "shaft_fs": rate}
 
 
 def _measured_shaft(
@@ -501,7 +505,7 @@ def _measured_shaft(
         return {"angle": found.angle, "shaft_fs": even.rate}
     factor = unit_factor(_shaft_unit(content, layout, column, kind), kind)
     values = values if factor == 1 else values * factor
-    if form.get("wrapped") or (even.uneven is not None and kind == "angle" and is_wrapped(values)):
+    if form.get("wrapped") or (kind == "angle" and is_wrapped(values)):
         values = angle_from_wrapped(values)
     return {kind: even.resampled(values), "shaft_fs": even.rate}
 

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from emacm._checks import first_non_number
 from emacm.files.column_roles import rates_of_columns
 from emacm.files.even_times import EvenTimes
-from emacm.files.file_columns import FileColumns, without_signal
+from emacm.files.file_columns import FileColumns, no_channel, without_signal
 from emacm.files.layout import Layout, meta_from_name
 from emacm.files.readers import read_columns
-from emacm.files.sample_times import unit_that_fits
+from emacm.files.sample_times import dates_of, unit_that_fits
 from emacm.recordings.names import (
     is_time_name,
     printable,
@@ -93,9 +93,13 @@ class FileContents:
         phases += [["iu", "iv", "iw"], ["i1", "i2", "i3"]]
         found = [[known[each] for each in names] for names in phases if {*names} <= known.keys()]
         lines = [f"{{currents = {json.dumps(names)}, pole_pairs = 1}}" for names in found]
-        if {"sin", "cos"} <= known.keys():
-            lines.append(f"{{resolver = {json.dumps([known['sin'], known['cos']])}}}")
-        return lines
+        return lines + [f"{{resolver = {json.dumps(names)}}}" for names in [self.resolver] if names]
+
+    @property
+    def resolver(self) -> list[str]:
+        """Columns that are named like sine and cosine."""
+        named = {name.lower(): name for name in self.numbers}
+        return [named["sin"], named["cos"]] if {"sin", "cos"} <= named.keys() else []
 
     @property
     def shaft_unit(self) -> str:
@@ -109,13 +113,14 @@ class FileContents:
     @property
     def of_shaft(self) -> str:
         """What must be stated of the shaft; "" if nothing."""
-        if self.n_pulses:
-            return f"pulses_per_rev of tacho: {self.shaft!r} has {self.n_pulses} pulses"
+        if self.kind == "tacho":
+            counted = f" has {self.n_pulses} pulses" if self.n_pulses else ""
+            return f"pulses_per_rev of tacho: {self.shaft!r}{counted}"
         if self.kind == "position":
             return f"lead of angle: {self.shaft!r} looks like the position of the nut of a screw"
         if self.shaft is None:
             return "velocity, angle or tacho: no column is named like the motion of the shaft"
-        return "" if self.kind == "tacho" or self.shaft_unit else f"the unit of {self.shaft!r}"
+        return "" if self.shaft_unit else f"the unit of {self.shaft!r}"
 
     @property
     def open(self) -> list[str]:
@@ -166,44 +171,68 @@ def contents_of(path: Path) -> FileContents:
     columns = read_columns(path)
     if not columns.columns:
         raise ValueError(without_signal(columns))
-    times = next(filter(is_time_name, columns.columns), None)
+    times = _time_column(columns)
     remarks: list[str] = []
     time_unit = ""
-    if times and not (columns.units.get(times) or time_unit_in_name(times)):
-        time_unit = unit_that_fits(columns.columns[times])
-    if times and time_unit:
-        remarks.append(f"the unit of {times!r}: these look like {unit_word(time_unit)}, not s")
-        columns.units[times] = time_unit
+    clock = times or "time"  # of columns with times of their own
+    if not (columns.units.get(clock) or time_unit_in_name(clock)):
+        clocks = [columns.columns[times]] if times else [*columns.times.values()]
+        time_unit = next(filter(None, map(unit_that_fits, clocks)), "")
+    if time_unit:
+        remarks.append(f"the unit of {clock!r}: these look like {unit_word(time_unit)}, not s")
+    layout = Layout(units={clock: time_unit} if time_unit else None)
     rates: dict[str, EvenTimes] = {}
     shared = [name for name in columns.columns if name not in columns.times]
     for judged in (shared, *([name] for name in columns.times)):
         pairs = [(name, name) for name in judged]
         try:
-            rates |= rates_of_columns(columns, Layout(), times, pairs)
+            rates |= rates_of_columns(columns, layout, times, pairs)
         except ValueError as error:
             if judged is shared:
                 remarks.append(str(error))
-                rates |= rates_of_columns(columns, Layout(), None, pairs)
+                rates |= rates_of_columns(columns, layout, None, pairs)
             else:
                 columns.defects[judged[0]] = f"cannot be used: {error}"
     shafts = columns.like_shaft()
     by_name = {name: even.rate for name, even in rates.items()}
     shaft = next(iter(shafts), None)
     contents = FileContents(columns, by_name, times, shaft, {}, remarks, time_unit)
-    if contents.shaft is None:
-        pulses = {name: count_pulses(v) for name, v in contents.numbers.items() if name != times}
-        contents.shaft = next(filter(pulses.get, pulses), None)
-        contents.n_pulses = pulses.get(contents.shaft or "", 0)
-        contents.shaft = contents.shaft or next(iter(contents.positions), None)
+    if shaft is None or contents.kind == "tacho":
+        asked = contents.numbers if shaft is None else {shaft} & contents.numbers.keys()
+        pulses = {name: count_pulses(contents.numbers[name]) for name in asked if name != times}
+        found = shaft or next(filter(pulses.get, pulses), None)
+        contents.shaft = found or next(iter(contents.positions), None)
+        contents.n_pulses = pulses.get(found or "", 0)
     for name in (name for name in columns.columns if name not in (*contents.numbers, times)):
         first = first_non_number(columns.columns[name], columns.columns[name])
         contents.unused[name] = f"it does not consist of numbers, got {first}"
     contents.unused |= {name: f"it {defect}" for name, defect in columns.defects.items()}
+    reasons = {n: no_channel(n, v) for n, v in contents.numbers.items() if n not in (times, shaft)}
+    contents.unused |= {name: f"it {reason}" for name, reason in reasons.items() if reason}
+    contents.unused |= dict.fromkeys(contents.resolver, "it is named like an output of a resolver")
     contents.unused |= dict.fromkeys(shafts[1:], "it is named like the motion of a shaft")
     if contents.missing_rates:
         names = ", ".join(contents.missing_rates)
         remarks.append(f"fs of {names}: neither the file nor a column of times states it")
     return contents
+
+
+def _time_column(columns: FileColumns) -> str | None:
+    """Return the column of times by its name, else that of dates, or that rises in s."""
+    for name in columns.columns:
+        if is_time_name(name):
+            return name
+    for name, values in columns.columns.items():
+        if values.dtype.kind not in "biufc":
+            with suppress(ValueError):
+                dates = dates_of(values[[0, -1]], name)
+                if 0 < (dates.iloc[1] - dates.iloc[0]).total_seconds() < 10 * len(values):
+                    return name
+        elif len(values) > 99 and (np.diff(values) > 0).all():
+            with suppress(ValueError):
+                unit_factor(columns.units.get(name, ""), "time")
+                return name
+    return None
 
 
 def count_pulses(values: NDArray[Any]) -> int:
@@ -325,7 +354,7 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
         '# "FILL IN": the file does not state it. Correct the line, and remove its first #.',
     ]
     if contents.times is not None:
-        lines.append(f"# time: the column {_as_toml(contents.times)}, found by its name")
+        lines.append(f"time = {_as_toml(contents.times)}")
     if contents.rates:
         lines.append(f"# fs: {_rates(contents)} Hz, found in the file")
     if missing := contents.missing_rates:
@@ -337,26 +366,28 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
     lines += [f"# {_as_toml(name)} is not used: {why}" for name, why in contents.unused.items()]
     if contents.columns.is_relative:
         lines.append("# scale = 1.0  # FILL IN: full scale, in the unit of the channels")
-    if contents.shaft is None:
-        lines.append(
-            '# velocity = "1797 rpm"  # FILL IN: a constant speed, or a column, or one of a file'
-        )
-        lines.append('# beside it: velocity = {file = "{stem}_speed.csv", column = "rpm"}')
-        if contents.channels:
-            vibration = f"{{vibration = {_as_toml(contents.channels[0])}, speeds = [20, 30]}}"
-            lines.append(f"# or, without a sensor: angle = {vibration}, the limits in rev/s")
-    elif contents.kind == "position":
-        unit = contents.columns.units.get(contents.shaft, "") or "its unit"
-        column = f"{{column = {_as_toml(contents.shaft)}, lead = 5.0}}"
-        lines.append(f"# angle = {column}  # FILL IN: lead, the travel per revolution [{unit}]")
-    elif contents.n_pulses:
-        reason = f"{contents.n_pulses} pulses are in this column"
-        column = f"{{column = {_as_toml(contents.shaft)}, pulses_per_rev = 1}}"
-        lines.append(f"# tacho = {column}  # FILL IN: {reason}")
+    shaft = _as_toml(contents.shaft or "")
+    unit = contents.columns.units.get(contents.shaft or "", "") or "its unit"
+    forms = {
+        "position": f"# angle = {{column = {shaft}, lead = 5.0}}  # FILL IN: lead, the travel per "
+        f"revolution [{unit}]",
+        "tacho": f"# tacho = {{column = {shaft}, pulses_per_rev = 1}}  # FILL IN: pulses of a "
+        f"revolution; the column has {contents.n_pulses}",
+    }
+    if contents.shaft is not None:
+        lines.append(forms.get(contents.kind, f"{contents.kind} = {shaft}"))
     else:
-        lines.append(f"{contents.kind} = {_as_toml(contents.shaft)}")
+        lines += [
+            '# velocity = "1797 rpm"  # FILL IN: a constant speed, or a column, or one of a file',
+            '# velocity = {file = "{stem}_speed.csv", column = "rpm"}  # or a file beside it',
+        ]
+        lines += [
+            f"# angle = {{vibration = {_as_toml(name)}, speeds = [20, 30]}}  # or without "
+            f"a sensor of the shaft: limits in rev/s"
+            for name in contents.channels[:1]
+        ]
     if contents.shaft is None or contents.kind == "position":
-        lines += [f"# or: angle = {form}" for form in contents.groups]
+        lines += [f"# angle = {form}  # or by these columns" for form in contents.groups]
     fields = "_".join(f"{{field{n}}}" for n in range(1, path.stem.count("_") + 2))
     if meta is None:
         lines.append(
@@ -371,15 +402,16 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
 def _units(contents: FileContents) -> Iterator[str]:
     """Yield the lines of a draft with the units of shaft and channels."""
     stated, shaft = contents.columns.units, contents.shaft
-    if contents.times and contents.time_unit:
-        line = f"# {_as_toml(contents.times)} = {_as_toml(contents.time_unit)}"
+    if contents.time_unit:
+        line = f"# {_as_toml(contents.times or 'time')} = {_as_toml(contents.time_unit)}"
         yield f"{line}  # FILL IN: its unit; it looks like this, not s"
     if shaft is not None and contents.shaft_unit:
         source = "" if stated.get(shaft) == contents.shaft_unit else "  # from its name"
         yield f"{_as_toml(shaft)} = {_as_toml(contents.shaft_unit)}{source}"
     elif shaft is not None and contents.kind not in ("tacho", "position"):
         usual = "rpm" if contents.kind == "velocity" else "rad"
-        yield f"# {_as_toml(shaft)} = {_as_toml(usual)}  # FILL IN: its unit"
+        others = "" if contents.kind == "velocity" else ", as deg, or rev/4096 of counts"
+        yield f"# {_as_toml(shaft)} = {_as_toml(usual)}  # FILL IN: its unit{others}"
     for name in contents.channels:
         if stated.get(name):
             yield f"{_as_toml(name)} = {_as_toml(stated[name])}"

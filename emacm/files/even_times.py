@@ -149,7 +149,10 @@ def even_times(
         marked = equal if equal.any() else long if long.any() else np.abs(steps - usual)
         place = int(np.argmax(marked))
         step = f"{steps[place]:.6g} s after sample {place} ({seconds[place]:.6g} s)"
-        if is_even:
+        is_rounding = tick > 0.3 * usual and (equal.any() or not 0 < np.mean(long) < 0.05)
+        if gap := _gap_in_rounded(seconds, tick) if is_rounding and not is_even else "":
+            found = gap
+        elif is_even:
             found = f" at {fs:.9g} Hz: its mean rate is {rate:.6g} Hz. Correct fs"
         elif equal.any():
             found = f": several samples share one time, as in packets: {equal.sum()} steps are 0, "
@@ -186,6 +189,31 @@ def _are_few(odd: NDArray[np.bool_], regular: NDArray[np.bool_]) -> bool:
     """Tell whether there are less than 8 odd steps, or regular ones all at one distance."""
     distances = np.diff(np.flatnonzero(regular))
     return bool(odd.sum() < 8 or (len(distances) > 0 and np.ptp(distances) == 0))
+
+
+def _gap_in_rounded(seconds: Times, tick: float) -> str:
+    """Say where samples are missing beside steps that are rounded; "" if there is no gap.
+
+    The means of the times on both sides of a gap are apart by more than elsewhere, whatever they
+    are rounded to.
+    """
+    width = max(50, int(20 * tick * len(seconds) / seconds[-1]))
+    if len(seconds) < 4 * width:
+        return ""
+    sums = np.cumsum(np.insert(seconds, 0, 0.0))
+    means = (sums[width:] - sums[:-width]) / width
+    apart = means[width:] - means[:-width]
+    usual, largest = float(np.median(apart)) / width, int(np.argmax(apart))
+    missing = round(apart[largest] / usual - width)
+    if missing < 1:
+        return ""
+    first = max(largest + width - 4, 0)
+    place = first + int(np.argmax(np.diff(seconds[first : first + 9])))
+    return (
+        f", with a gap of {(missing + 1) * usual:.3g} s after sample {place} ({seconds[place]:.6g} "
+        f"s), besides being rounded to {tick:g} s; samples missing there: {missing}, at "
+        f"{float(f'{1 / usual:.4g}'):g} Hz. Cut the recording there, or correct the clock"
+    )
 
 
 def _fitted_rate(

@@ -174,14 +174,38 @@ def missing_codes(values: NDArray[Any]) -> NDArray[np.bool_]:
     # Limits of 16, 24 and 32 bits, nines, and beyond 1e18 fill values of netCDF, NaN of SCPI,
     # limits of floats and of 64 bits, which nothing that is measured has.
     codes = [2.0**bits - n for bits in (15, 16, 23, 31, 32) for n in (0, 1)]
-    codes += [999.25, *(10.0**digits - 1 for digits in (3, 4, 5, 6))]
-    largest = float(np.abs([values.min(), values.max()], dtype=np.float64).max())
-    if largest in codes or largest > 1e18:
-        is_far = np.abs(values.astype(np.float64)) > largest / 4
-        far = np.abs(values[is_far].astype(np.float64))
-        if not is_far.all() and (np.isin(far, codes) | (far > 1e18)).all():
-            return is_far
+    codes += [999.25, *(10.0**digits - 1 for digits in (2, 3, 4, 5, 6))]
+    ends = np.abs([values.min(), values.max()], dtype=np.float64)
+    if np.isin(ends, codes).any() or ends.max() > 1e18:
+        sizes = np.abs(values.astype(np.float64))
+        is_code = np.isin(sizes, codes) | (sizes > 1e18)
+        others, stated = values[~is_code].astype(np.float64), values[is_code].astype(np.float64)
+        if len(others):
+            apart = np.maximum(others.min() - stated, stated - others.max())
+            if apart.min() > 1.5 * np.ptp(others):
+                return is_code
     return np.zeros(len(values), dtype=bool)
+
+
+def no_channel(name: str, values: NDArray[Any]) -> str:
+    """Say what a column is by its name and whole numbers: status or number of samples; else "".
+
+    Examples
+    --------
+    >>> no_channel("vib_quality", np.array([192, 0])), no_channel("oil quality", np.ones(2) / 2)
+    ('is named like a status of the samples', '')
+    """
+    if values.dtype.kind not in "biuf":
+        return ""
+    for part in (values[:100], values):  # most signals are found by their first samples
+        if not np.isfinite(part).all() or np.any(part % 1):
+            return ""
+    if len(values) > 99 and (np.diff(values.astype(np.float64)) == 1).all():
+        return "counts the samples"
+    words = set(re.split(r"[^a-z]+", name.lower()))
+    is_named = words & {"status", "state", "quality", "flag", "flags", "valid", "validity", "ok"}
+    is_status = bool(is_named) and len(np.unique(values)) <= 16
+    return "is named like a status of the samples" if is_status else ""
 
 
 def without_signal(content: FileColumns) -> str:

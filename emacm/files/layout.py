@@ -83,7 +83,8 @@ class Layout:
         a column is ignored.
     channels : sequence of str or mapping of str to str, optional
         Columns that are channels, or the column of each channel. Default: all columns but those of
-        time and shaft.
+        time and shaft, and (with a warning) those that count the samples or are named like a status
+        of the samples and have a few whole numbers.
     velocity : float, str or mapping, optional
         Constant speed of the shaft; or the column (or the number in the file) that holds it. rad/s
         unless `units`, the name of the column or the file states another unit; a text with a
@@ -93,8 +94,8 @@ class Layout:
         of `meta` may be used; "fs" (or "time") states its rate (or column of times). Both files
         are aligned by their times; where one has none, they must start at the same instant.
     angle : str or mapping, optional
-        Column with the shaft angle, cumulative or wrapped; rad unless another unit is stated. Or
-        one of
+        Column with the shaft angle, cumulative or wrapped; rad unless another unit is stated, such
+        as deg, or "rev/4096" for counts of an encoder. Or one of
 
         - ``{"column": "angle", "unit": "deg", "wrapped": True}``,
         - ``{"column": "position", "lead": 5.0}``: position of the nut of a screw, and its travel

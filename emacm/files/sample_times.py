@@ -115,9 +115,9 @@ def dates_of(values: NDArray[Any], name: str) -> pd.Series:
     Parameters
     ----------
     values : ndarray of shape (n_times,)
-        Dates, or texts such as "2026-11-01T08:01:00.0001", "01.11.2026 08:01:00,0001" (day first)
-        or "08:01:00.0001"; where a time of day goes back by more than 12 h, the next day begins.
-        Offsets from UTC may change.
+        Dates, or texts such as "2026-11-01T08:01:00.0001", "01.11.2026 08:01:00,0001" (day first,
+        as with slashes and a decimal comma) or "08:01:00.0001"; where a time of day goes back by
+        more than 12 h, the next day begins. Offsets from UTC may change.
     name : str
         Name of the column, for messages.
 
@@ -137,10 +137,12 @@ def dates_of(values: NDArray[Any], name: str) -> pd.Series:
     """
     dates = texts = pd.Series(values)
     if values.dtype.kind != "M":
-        texts = texts.astype(str).str.strip().str.replace(",", ".", regex=False)
+        texts = texts.astype(str).str.strip()
+        has_comma = "," in texts.iloc[0]  # as where the day is first
+        texts = texts.str.replace(",", ".", regex=False)
         texts = texts.str.replace(r"\s+", " ", regex=True)
         if slashes := re.match(r"(\d\d?)/(\d\d?)/\d{4}\b", texts.iloc[0]):
-            if int(slashes[1]) <= 12 and int(slashes[2]) <= 12:
+            if int(slashes[1]) <= 12 and int(slashes[2]) <= 12 and not has_comma:
                 raise ValueError(
                     f"time column {name!r} has {texts.iloc[0]!r}, whose day and month are not "
                     f"known. Write 2026-11-01 or 01.11.2026, or {ignore_hint(name)}."
@@ -154,7 +156,10 @@ def dates_of(values: NDArray[Any], name: str) -> pd.Series:
         else:
             texts = texts.str.replace(r"^(\d+)\.(\d+)\.(\d{4})\b", r"\3-\2-\1", regex=True)
             has_zone = re.search(r"(Z|[+-]\d\d:?\d\d)$", texts.iloc[0]) is not None
-            dates = pd.to_datetime(texts, errors="coerce", format="ISO8601", utc=has_zone)
+            form = "ISO8601"
+            if re.search(r" [AP]M$", texts.iloc[0]):
+                form = f"%Y-%m-%d %I:%M:%S{'.%f' if '.' in texts.iloc[0] else ''} %p"
+            dates = pd.to_datetime(texts, errors="coerce", format=form, utc=has_zone)
     if dates.isna().any():
         is_number = np.array([isinstance(value, float) for value in values])
         place = int(np.argmin(is_number) if is_number[0] else np.argmax(dates.isna()))

@@ -11,15 +11,26 @@ from typing import Any
 from emacm._checks import once_hint
 
 _TIME_WORDS = {"t", "time", "times", "timestamp", "timestamps", "seconds", "elapsed", "datetime"}
-_TIME_WORDS |= {"zeit"}
+_TIME_WORDS |= {"zeit", "zeitstempel", "uhrzeit", "temps", "tempo", "tiempo", "horodatage"}
 _SHAFT_WORDS = {"angle", "angular", "encoder", "keyphasor", "resolver", "rpm", "speed", "tacho"}
-_SHAFT_WORDS |= {"tachometer", "theta", "velocity", "omega", "drehzahl", "winkel"}
+_SHAFT_WORDS |= {"tach", "tachometer", "theta", "velocity", "omega", "drehzahl", "winkel"}
+_SHAFT_WORDS |= {"vitesse", "velocidad"}
 _SHAFT_ENDINGS = ("rpm", "speed", "drehzahl")
 _LINEAR = {"linear", "nut", "slider", "piston"}  # velocities that are not of a shaft
 _UNITS: dict[str, dict[float, tuple[str, ...]]] = {  # of each quantity, by their size
     "velocity": {  # lower case, as the units of angle and time
         1.0: ("rad/s", "rad/sec", "1/s rad", "rad s^-1", "rad*s^-1"),
-        pi / 30: ("rpm", "r/min", "rev/min", "1/min", "min^-1", "min-1", "u/min"),
+        pi / 30: (
+            "rpm",
+            "r/min",
+            "rev/min",
+            "1/min",
+            "min^-1",
+            "min-1",
+            "u/min",
+            "tr/min",
+            "giri/min",
+        ),
         2 * pi: ("rev/s", "r/s", "rps", "hz", "1/s", "s^-1", "turns/s"),
         pi / 180: ("deg/s", "°/s", "degree/s", "degrees/s"),
     },
@@ -210,7 +221,7 @@ def unit_factor(unit: str, kind: str) -> float:
     Parameters
     ----------
     unit : str
-        Unit.
+        Unit; of an angle also "rev/4096" for counts of an encoder.
     kind : {"velocity", "angle", "time"}
         Quantity.
 
@@ -229,6 +240,8 @@ def unit_factor(unit: str, kind: str) -> float:
     (0.001, 3.141593)
     """
     sizes = _sizes(kind)
+    if kind == "angle" and (counts := re.fullmatch(r"rev/(\d+)", _plain(unit.lower()))):
+        return 2 * pi / int(counts[1])  # of an encoder
     if _plain(unit.lower()) in sizes:
         return sizes[_plain(unit.lower())]
     first = [names[0] for names in _UNITS[kind].values()]

@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy  # scipy.signal is imported when it is used
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator
+from scipy.ndimage import minimum_filter1d
 
 from emacm._checks import check_choice, check_count, check_number, check_signal, located
 from emacm._statements import EmacmWarning, Statement
@@ -105,13 +107,13 @@ def _stated_pulses(
     half = check_number(hysteresis, "hysteresis", at_least=0) / 2
     height = (signal - level) * (1.0 if edge == "rising" else -1.0)
     fired, above = _fired(height, half)
+    _check_drift(signal, len(fired))
     if not len(fired):
         raise ValueError(
             f"tacho must cross {level:.6g} ± {half:.6g} by a {edge} edge, got none in values from "
             f"{signal.min():.6g} to {signal.max():.6g}. Set threshold and hysteresis, or apply a "
             f"high-pass if the level drifts."
         )
-    _check_steps(height, len(fired))
     crossing = np.flatnonzero((height[:-1] < 0) & (height[1:] >= 0))
     last = crossing[np.searchsorted(crossing, fired) - 1]
     width = (min(above, len(signal) - above) - 1) / len(fired)  # the first one may be cut
@@ -147,17 +149,22 @@ def _without_drift(signal: Angle) -> tuple[Angle, float]:
     return signal, 0.0
 
 
-def _check_steps(signal: Angle, n_pulses: int) -> None:
-    """Refuse a level that drifts by more than the steps up, of which many cross no threshold."""
-    steps = np.diff(signal)
-    parts = np.array_split(signal, min(64, len(signal)))
-    drift = float(np.ptp([np.median(part) for part in parts]))
-    is_square = steps.max() > np.median([np.ptp(part) for part in parts]) / 2
-    n_steps = np.count_nonzero(steps > steps.max() / 2)
-    if is_square and n_steps > max(3, 1.5 * n_pulses) and drift > 1.5 * steps.max():
+def _check_drift(signal: Angle, n_pulses: int) -> None:
+    """Refuse a level that drifts or jumps by more than the pulses, of which many cross none.
+
+    Then there are more peaks than pulses, all equally high and far above the noise.
+    """
+    span = np.ptp(signal)
+    noise = np.median(np.abs(np.diff(signal, 2)))
+    _, found = scipy.signal.find_peaks(signal, prominence=max(0.04 * span, 8 * noise))
+    if len(found["prominences"]) <= 3 + 1.5 * n_pulses:
+        return
+    low, height, high = np.quantile(found["prominences"], (0.25, 0.5, 0.75))
+    if high < 1.6 * low:
         raise ValueError(
-            f"tacho must have two levels, got a level that drifts by {drift:.4g} where the pulses "
-            f"are steps of {steps.max():.4g}. Apply a high-pass, as scipy.signal.butter, first."
+            f"tacho must have two levels, got a level that drifts or jumps by {span - height:.4g} "
+            f"where the pulses are {height:.4g} high. Apply a high-pass, as scipy.signal.butter, "
+            f"or cut the recording at the jump."
         )
 
 
@@ -175,7 +182,7 @@ class TachoAngle:
         Times [s] of the double pulses that were removed.
     statements : tuple of Statement
         What is to be known: many repairs, jitter, a level that drifts, pulses that are too short,
-        a speed that falls and rises again.
+        a speed that changes suddenly, or falls and rises again.
     """
 
     angle: Angle
@@ -194,7 +201,8 @@ def angle_from_pulses(
     gap and of 1 for each double pulse; a speed that goes on rising or falling as before is no
     change, so a start from rest is not treated as a fault. A speed that changes by more than half
     within an interval of pulses, as at a sudden stop, looks like a missing or double pulse, and one
-    that is misidentified shifts all later angles by ``2 pi / pulses_per_rev``.
+    that is misidentified shifts all later angles by ``2 pi / pulses_per_rev``; it is stated where
+    another number of pulses is nearly as likely.
 
     The marks of a revolution may be uneven: a tape with a butt joint, a wheel with a gap whose real
     or nominal number of marks is given. If `pulses_per_rev` is a whole number and there are two
@@ -238,8 +246,8 @@ def angle_from_pulses(
     -----
     EmacmWarning
         If more than three pulses in a hundred (and three in all) are missing or double, the
-        intervals scatter so much that these may be overlooked, or the speed falls to a third and
-        rises again, as where the shaft reverses.
+        intervals scatter so much that these may be overlooked, the speed changes so suddenly that
+        they cannot be told from it, or it falls and rises again as where the shaft reverses.
 
     See Also
     --------
@@ -277,7 +285,8 @@ def _repaired(times: ArrayLike, fs: float, n_times: int, pulses_per_rev: float) 
     n_missing = found.n_irregular(n_marks) - round(float((steps[steps > 10] - 1).sum()))
     statements = _repair_statements(n_missing, len(pulses) - len(kept), len(pulses))
     speeds = np.log(steps / np.diff(kept))
-    statements += _scatter_statements(speeds) + _slow_statements(speeds, kept)
+    statements += _scatter_statements(speeds)
+    statements += _doubt_statements(pulses[found.doubtful], kept, speeds)
     begin, end = (np.diff(kept) / np.diff(places))[[0, -1]]
     _check_gap(kept[0] / begin, f"before the first pulse at {kept[0]:.6g} s")
     _check_gap((instants[-1] - kept[-1]) / end, f"after the last pulse at {kept[-1]:.6g} s")
@@ -301,8 +310,9 @@ def _repair_statements(n_missing: int, n_double: int, n_pulses: int) -> tuple[St
     if n_repairs > max(3, 0.1 * n_pulses):
         raise ValueError(
             f"times must be pulses that follow the speed of a shaft, got {text}, so that the "
-            f"number of turns is not known. Is there noise, are pulses shorter than a sample, is "
-            f"pulses_per_rev right? Set threshold and hysteresis, or repair the sensor."
+            f"number of turns is not known. Is there noise, does the level jump, are pulses "
+            f"shorter than a sample, is pulses_per_rev right? Set threshold and hysteresis, or "
+            f"repair the sensor."
         )
     if n_repairs <= max(3, 0.03 * n_pulses):
         return ()
@@ -325,22 +335,26 @@ def _scatter_statements(logs: Angle) -> tuple[Statement, ...]:
     return (Statement("jitter", "", text, value=scatter, limit=0.07),)
 
 
-def _slow_statements(speeds: Angle, pulses: Angle) -> tuple[Statement, ...]:
-    """State a speed (its logarithm) that falls to a third and rises again: the shaft may reverse.
+def _doubt_statements(doubtful: Angle, kept: Angle, speeds: Angle) -> tuple[Statement, ...]:
+    """State where the number of turns is not known, as where the shaft reverses.
 
-    With few pulses per reversal, the shaft seems not to slow down, or pulses to be missing.
+    There the speed falls and rises again, faster from pulse to pulse: with constant deceleration by
+    1.3 at least between the last two intervals before the longest, and by 1.8 in all.
     """
-    before, after = (np.maximum.accumulate(x) for x in (speeds, speeds[::-1]))
-    falls = np.minimum(before, after[::-1]) - speeds
-    place = int(np.argmax(falls))
-    if falls[place] < np.log(3):
+    turning = np.minimum(speeds[:-4] - speeds[1:-3], speeds[4:] - speeds[3:-1]) > np.log(1.25)
+    lowest = minimum_filter1d(np.minimum(speeds, -np.log(np.diff(kept))), 3)[2:-2]
+    turning &= np.minimum(speeds[:-4], speeds[4:]) - lowest > np.log(1.7)
+    times = kept[2:-3][turning] if turning.any() else doubtful
+    if not len(times):
         return ()
-    share = float(np.exp(-falls[place]))
-    text = (
-        f"the speed falls to {share:.0%} at {pulses[place]:.4g} s and rises again: pulses do not "
-    )
-    text += "show the direction, so the angle is wrong if the shaft reverses there"
-    return (Statement("reversal", "", text, value=share, limit=1 / 3),)
+    place = f"at {times[0]:.4g} s ({len(times)} places in all) the speed"
+    kind = "reversal" if turning.any() else "tachometer"
+    text = f"{place} changes so suddenly that missing and double pulses cannot be told from it"
+    if turning.any():
+        text = f"{place} falls and rises again as where the shaft reverses, and pulses do not show "
+        text += "the direction"
+    text += ": the number of turns is not known"
+    return (Statement(kind, "", text, True, len(times), 0),)
 
 
 def _warn(statements: tuple[Statement, ...]) -> None:

@@ -87,12 +87,6 @@ def test_a_part_holds_the_samples_from_start_to_stop():
     assert (part.meta, part.units) == (recording.meta, recording.units)
 
 
-def test_a_part_of_a_wound_angle_keeps_its_values():
-    angle = np.arange(1000) * 0.9  # a step is more than an eighth of a revolution
-    recording = Recording({"b": RNG.normal(size=1000)}, 100, angle=angle)
-    np.testing.assert_array_equal(recording.cut(5, 5.05).angle, angle[500:505])
-
-
 @pytest.mark.parametrize(("start", "stop"), [(3, 2), (-1, 2), (2, 11), (10, None), (2, 2.001)])
 def test_impossible_parts_are_refused(start, stop):
     with pytest.raises(ValueError, match=r"start|samples of"):
@@ -132,9 +126,3 @@ def test_channels_are_selected_in_the_order_given():
 def test_invalid_selections_and_names_are_refused(method, argument, error, message):
     with pytest.raises(error, match=message):
         getattr(two_rates(), method)(argument)
-
-
-# The table in notebooks
-
-
-# A table passed as a whole

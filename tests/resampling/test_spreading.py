@@ -194,16 +194,6 @@ def test_the_resampled_signal_is_the_tone_at_the_angles(samples_per_rev, share):
         assert error.max() < 0.7
 
 
-def test_strokes_start_where_the_shaft_was():
-    time = times(10_000)
-    angle = MOTIONS["reversing"][0](time) - 3.0
-    recording = Recording({"x": np.sin(angle)}, 10_000, angle=angle)
-    first, second, third = OrderResampler().fit_transform([recording])[0].strokes
-    assert first.start_angle == pytest.approx(-3, abs=1e-4)
-    assert second.start_angle == pytest.approx(93, abs=1e-4)
-    assert third.start_angle == pytest.approx(-3, abs=1e-4)
-
-
 @pytest.mark.parametrize("motion", ["ramp", "reversing"])
 def test_a_constant_stays_what_it_is_up_to_the_ends(motion):
     recording = Recording({"x": np.ones(30_000)}, 10_000, **shaft(motion, "angle", 10_000))
@@ -448,11 +438,3 @@ def test_a_tone_has_its_power_in_either_direction(direction):
     )
     (power,) = tone_power(recording, 27, direction=direction)
     assert power == pytest.approx(AMPLITUDE**2 / 2, rel=0.003)
-
-
-def test_tones_do_not_fold_while_the_speed_varies():
-    orders = [78.2, 100, 130.5, 200, 400]
-    _, _, path = varying(48_000.0, 10, 4, 0.25, 4.0)
-    signals = np.sin(np.outer(orders, path.travel))
-    _, resampled = spread_to_angle(signals, 48_000.0, path, theta_s=THETA_S)
-    assert decibel(power_up_to(LAST_FLAT, resampled, 128) / 0.5).max() < -60

@@ -41,11 +41,6 @@ def test_velocity_integrates_to_the_angle(motion, bound):
     assert np.abs(angle_from_velocity(velocity, FS) - turned(motion)).max() < bound
 
 
-def test_velocity_starts_at_the_initial_angle_and_keeps_its_length():
-    angle = angle_from_velocity([1.0, 1.0, 1.0], 1, initial=5)
-    np.testing.assert_array_equal(angle, [5, 6, 7])
-
-
 def test_velocity_in_float32_is_summed_in_float64():
     velocity = np.full(100_000, 100, dtype=np.float32)
     angle = angle_from_velocity(velocity, FS)
@@ -139,12 +134,6 @@ def test_the_zero_sequence_drops_out_of_three_phases():
     wobble = np.cos(TURN * 50 * TIME)
     angle = angle_from_currents(currents_of(4 * turned("ramp"), zero=wobble), pole_pairs=4)
     assert np.abs(relative(angle) - turned("ramp")).max() < 1e-11
-
-
-def test_exchanging_two_phases_changes_the_sign():
-    currents = currents_of(4 * turned("ramp"))
-    angle = angle_from_currents(currents[[0, 2, 1]], pole_pairs=4)
-    np.testing.assert_allclose(relative(angle), -turned("ramp"), atol=1e-11)
 
 
 @every_motion

@@ -74,13 +74,6 @@ def test_a_path_knows_how_far_the_shaft_turns_back():
     assert ShaftPath(travel, FS, 0.0, 0.0, 1).max_reversal == 1.5
 
 
-def test_an_integrated_stroke_above_zero_speed_never_turns_back():
-    velocity = np.abs(VELOCITY) + 0.1
-    (path,) = stroke_paths(IntegratedAngle(velocity, FS), velocity, FS)
-    assert path.max_reversal == 0
-    assert np.all(np.diff(np.asarray(path.travel)) > 0)
-
-
 def test_the_largest_step_and_its_place_are_found(monkeypatch):
     travel = np.arange(1000.0)
     travel[700:] += 50

@@ -149,11 +149,3 @@ def test_an_integrated_angle_may_reverse_below_min_speed():
     assert path.max_reversal == pytest.approx(0.5 * 49 / FS, rel=0.3)
     (path,) = stroke_paths(angle, np.abs(velocity), FS)
     assert path.max_reversal == 0
-
-
-@given(speeds, limits)
-def test_a_film_run_backwards_shows_the_same_strokes_backwards(velocity, min_speed):
-    n = len(velocity)
-    strokes = find_strokes(velocity, min_speed=min_speed)
-    backwards = [(n - s.stop, n - s.start, s.direction) for s in reversed(strokes)]
-    assert find_strokes(velocity[::-1], min_speed=min_speed) == backwards

@@ -53,13 +53,6 @@ def test_falling_edges_are_rising_edges_of_the_negative():
     )
 
 
-def test_noise_on_a_tacho_makes_no_double_pulses():
-    noise = np.random.default_rng(0).normal(0, 0.05, len(TIME))
-    times = pulse_times(np.sin(TURN * (10 * TIME - 0.123)) + noise, FS)
-    assert len(times) == 30
-    assert np.abs(times - (np.arange(30) + 0.123) / 10).max() < 3e-3
-
-
 # Pulses to angle
 
 BOUND = {"constant": 1e-10, "ramp": 1e-10, "sinusoidal": 5e-3}
@@ -84,7 +77,7 @@ def test_every_lost_pulse_away_from_the_ends_is_found_and_put_back(motion):
         assert worst(tacho, pulses, motion) < LOST[motion]
 
 
-@pytest.mark.parametrize("share", [0.05, 0.3, 0.5, 0.7, 0.95])
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.95])
 @pytest.mark.parametrize("motion", ["constant", "ramp"])
 def test_every_double_pulse_away_from_the_ends_is_found_and_taken_out(motion, share):
     pulses = pulses_of(motion)

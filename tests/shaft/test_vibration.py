@@ -35,13 +35,7 @@ def errors(found, velocity, fs=FS):
 
 
 @pytest.mark.parametrize(
-    ("rate", "snr"),
-    [
-        (17.37, 0),
-        (24.18, -10),
-        *(pytest.param(*case, marks=pytest.mark.slow) for case in [(17.37, -10), (24.18, 0)]),
-        *(pytest.param(43.9, snr, marks=pytest.mark.slow) for snr in (0, -10)),
-    ],
+    ("rate", "snr"), [(17.37, 0), (24.18, -10), pytest.param(43.9, -10, marks=pytest.mark.slow)]
 )
 def test_a_constant_speed_is_found_within_a_thousandth(rate, snr):
     signal, velocity = machine(np.full(8 * FS, rate), snr=snr)
@@ -118,8 +112,8 @@ NO_SHAFT = {
 @pytest.mark.parametrize(
     ("orders", "speeds"),
     [
-        *((orders, SPEEDS) for orders in ([1, 2, 3], [6], [13, 26, 39])),
-        *((None, (TURN * low, TURN * high)) for low, high in ((20, 29.9), (45, 67), (70, 100))),
+        *((orders, SPEEDS) for orders in ([6], [13, 26, 39])),
+        *((None, (TURN * low, TURN * high)) for low, high in ((20, 29.9), (45, 67))),
     ],
 )
 @pytest.mark.slow
@@ -137,7 +131,7 @@ def reversing(condition):
 @pytest.mark.slow
 @pytest.mark.parametrize("channel", ["accelerometer", "current_a"])
 @pytest.mark.parametrize("orders", [None, [6, 12, 18]])
-@pytest.mark.parametrize("condition", [2, 3, 4, 5])
+@pytest.mark.parametrize("condition", [3, 5])
 def test_a_shaft_that_reverses_all_the_time_is_refused(condition, orders, channel):
     # It repeats its motion at 0.4 to 2.1 Hz and has lines at all multiples of that.
     recording = reversing(condition)
@@ -149,7 +143,7 @@ def test_a_shaft_that_reverses_all_the_time_is_refused(condition, orders, channe
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("unit", range(3))
+@pytest.mark.parametrize("unit", range(2))
 def test_a_phase_current_gives_the_speed_of_long_strokes_of_the_bench(unit, monkeypatch):
     # 80 in at 4 in/s, much longer than the rod, at 160 rad/s; then back at the same speed.
     stroke = Condition("triangle", 0.0, 20.0, 0.05, 0.0, 278.0)
@@ -169,12 +163,7 @@ def test_a_phase_current_gives_the_speed_of_long_strokes_of_the_bench(unit, monk
 
 
 @pytest.mark.parametrize(
-    ("seed", "rest"),
-    [
-        (0, 0.05),
-        (1, 0.2),
-        *(pytest.param(*x, marks=pytest.mark.slow) for x in [(2, 0.1), (3, 0.6)]),
-    ],
+    ("seed", "rest"), [(0, 0.05), (1, 0.2), pytest.param(3, 0.6, marks=pytest.mark.slow)]
 )
 def test_a_second_with_a_reversal_is_not_reliable(seed, rest):
     # Six lines at 0 dB; the shaft reverses once, between long strokes of the same speed.
@@ -190,10 +179,9 @@ def test_a_second_with_a_reversal_is_not_reliable(seed, rest):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("unit", [6, 7])
-def test_a_multiple_of_the_frequency_of_a_motion_is_not_a_speed(unit):
+def test_a_multiple_of_the_frequency_of_a_motion_is_not_a_speed():
     # 14 Hz, 14 times that of the command; its lines are four bins of a frame apart.
-    recording = LaboratoryBench(unit=unit, duration=20.0, fs=FS, cutoff=4500.0).record(2)
+    recording = LaboratoryBench(unit=7, duration=20.0, fs=FS, cutoff=4500.0).record(2)
     top = np.abs(recording.velocity).max()
     for low in (0.3, 0.44, 0.65, 0.95):
         with pytest.raises(ValueError, match="no second of the signal"):
@@ -249,19 +237,13 @@ def test_the_speed_of_a_real_motor_is_that_of_its_harmonics(bearings, name, rpm)
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
-        ({"speeds": (200.0, 100.0)}, ValueError, "the highest speed must be a number"),
         ({"speeds": (100.0, 100.0)}, ValueError, "the highest speed must be a number .*above 100"),
         ({"speeds": (0.0, 100.0)}, ValueError, "the lowest speed must be a number .*above 0"),
-        ({"speeds": (100.0, 120.0, 140.0)}, TypeError, "speeds must be a pair"),
-        ({"speeds": (100.0, np.pi * FS / 2)}, ValueError, "the highest speed must be .*below"),
         ({"speeds": (TURN * 16.9, TURN * 25)}, ValueError, "but 1.01 s are needed"),
-        ({"speeds": (TURN * 17, TURN * 25)}, ValueError, "no second of the signal shows"),
         ({"speeds": SPEEDS, "orders": "12"}, TypeError, "orders must be a list of numbers"),
-        ({"speeds": SPEEDS, "orders": 3.0}, TypeError, "orders must be a list of numbers"),
         ({"speeds": SPEEDS, "orders": [2, 1.9]}, ValueError, "but 15.5 s are needed"),
         ({"speeds": 100.0}, TypeError, r"speeds must be a pair \(lowest, highest\) of rad/s"),
         ({"speeds": (100.0, 9e4)}, ValueError, "the highest speed must be .*below"),
-        ({"speeds": (6.0, 8.9)}, ValueError, "signal lasts 1 s, but 17.8 s are needed"),
         ({"speeds": SPEEDS, "parts": 5}, TypeError, "parts must be such as Bearing"),
         ({"speeds": SPEEDS, "parts": {"mesh": -1}}, ValueError, "mesh must be a number"),
         ({"speeds": SPEEDS, "parts": [Motor(6)]}, ValueError, "no line off the orders"),
