@@ -209,6 +209,14 @@ def test_a_level_that_drifts_or_jumps_by_more_than_the_pulses_is_named(n_marks, 
         angle_from_tacho(signal + level[:-1], 10_000, pulses_per_rev=n_marks)
 
 
+@pytest.mark.parametrize("n_marks", [1, 8])
+def test_the_tone_of_a_converter_beside_the_pulses_is_no_drift(n_marks):
+    signal, turns = raw([1] * n_marks, "constant", noise=0.01, fs=10_000)
+    tone = 0.2 * np.sin(2 * np.pi * 1000 * TIME[:-1])
+    found = angle_from_tacho(signal + tone, 10_000, pulses_per_rev=n_marks)
+    assert abs(np.ptp(found.angle) / (2 * np.pi) - turns) < 0.05
+
+
 @pytest.mark.parametrize("period", [1.5, 2])
 @pytest.mark.parametrize("n_marks", [2, 3, 4, 8, 60])
 def test_a_shaft_that_may_reverse_between_pulses_is_stated(n_marks, period):

@@ -157,14 +157,17 @@ def _check_drift(signal: Angle, n_pulses: int) -> None:
     span = np.ptp(signal)
     noise = np.median(np.abs(np.diff(signal, 2)))
     _, found = scipy.signal.find_peaks(signal, prominence=max(0.04 * span, 8 * noise))
-    if len(found["prominences"]) <= 3 + 1.5 * n_pulses:
+    n_high = np.count_nonzero(found["prominences"] > span / 2)
+    is_interference = n_pulses >= 5 and 0.8 * n_pulses < n_high < 1.25 * n_pulses
+    if len(found["prominences"]) <= 3 + 1.5 * n_pulses or is_interference:
         return
     low, height, high = np.quantile(found["prominences"], (0.25, 0.5, 0.75))
     if high < 1.6 * low:
         raise ValueError(
             f"tacho must have two levels, got a level that drifts or jumps by {span - height:.4g} "
-            f"where the pulses are {height:.4g} high. Apply a high-pass, as scipy.signal.butter, "
-            f"or cut the recording at the jump."
+            f"where the pulses are {height:.4g} high (or pulses with an interference of that "
+            f"height). Apply a high-pass (or low-pass), as scipy.signal.butter, or cut the "
+            f"recording at the jump."
         )
 
 
