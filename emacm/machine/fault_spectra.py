@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache, lru_cache, partial
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from emacm.machine.bearing_recipe import bearing_recipe
 from emacm.machine.fault_lines import FaultLines, LineLevels, resolved
 from emacm.machine.fault_orders import FaultSeries, fault_series, gears_and_orders
 from emacm.machine.plain_lines import PlainLines, measure_plain_lines
+from emacm.orders.bins import Band
 from emacm.orders.columns import column_names
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.inputs import as_recordings, check_channel_names, described
@@ -210,7 +212,7 @@ class Measured(NamedTuple):
     plain : PlainLines or None
         Lines of the signal itself; None for a table.
     bands : callable
-        Returns the spectra of the envelope in each of four bands, without prewhitening: of
+        Returns bands [Hz] and the spectra of the envelope in each, without prewhitening: of
         segments of 25 and of 100 revolutions. None of a table.
     """
 
@@ -223,7 +225,7 @@ class Measured(NamedTuple):
     fs: float = np.nan
     defect: str = ""
     plain: PlainLines | None = None
-    bands: Callable[[], list[tuple[Spectrum, Spectrum]]] = list
+    bands: Callable[[], list[tuple[Band, Spectrum, Spectrum]]] = list
 
     @property
     def is_shifted(self) -> bool:
@@ -313,26 +315,32 @@ def _of_recording(number: int, stated: Recording, levels: FaultLines) -> Iterato
 
 def _in_bands(
     recording: Recording, channel: str, levels: FaultLines
-) -> list[tuple[Spectrum, Spectrum]]:
-    """Return the spectra of the envelope of a channel in four bands, without prewhitening.
+) -> list[tuple[Band, Spectrum, Spectrum]]:
+    """Return bands, and the spectra of the envelope of a channel in each, without prewhitening.
 
-    The bands are octaves, the highest one up to 15/32 of the sampling rate.
+    The bands are octaves, from 15/32 of the sampling rate down to the one that just holds the lines.
     """
-    options: dict[str, Any] = {"harmonics": levels.harmonics, "slip": levels.slip}
-    options["channels"] = [channel]
-    _, _, resampler, psd, lines = bearing_recipe(levels.parts, **options).named_steps.values()
+    recipe = bearing_recipe(levels.parts, harmonics=levels.harmonics, slip=levels.slip)
+    _, _, resampler, psd, lines = recipe.named_steps.values()
+    highest_line = psd.max_order * np.abs(recording.velocity).max() / (2 * np.pi)
+    edges = [recording.fs[channel] * k / 32 for k in (15, 8, 4, 2, 1)]
+    while edges[-1] / 2 >= highest_line:
+        edges.append(edges[-1] / 2)
+    bands = [(low, high) for high, low in pairwise(edges)]
+    detector = EnvelopeDetector(bands, squared=False)
+    (envelope,) = detector.fit_transform([recording.select([channel])])
+    over_angle = resampler.fit_transform([envelope])
+    coarse, fine = (
+        _spectra(_order_spectra(over_angle, recording, length, psd.max_order), lines)
+        for length in (25, 100)
+    )
     found = []
-    for low, high in ((1, 2), (2, 4), (4, 8), (8, 15)):
-        band = tuple(recording.fs[channel] / 32 * np.array([low, high]))
-        detector = EnvelopeDetector(band, channels=[channel], squared=False)
-        envelope = detector.fit_transform([recording])
-        over_angle = resampler.fit_transform(envelope)
-        mean = float(np.mean(envelope[0].signals[channel]))
-        (coarse,), (fine,) = (
-            _spectra(_order_spectra(over_angle, recording, length, psd.max_order), lines)[channel]
-            for length in (25, 100)
-        )
-        found.append((coarse._replace(mean=mean), fine._replace(mean=mean)))
+    for band, (name, signal) in zip(bands, envelope.signals.items(), strict=True):
+        mean = float(np.mean(signal))
+        if mean < 1e-4 * np.std(recording.signals[channel]):  # what the filter leaves of a tone
+            continue
+        both = (spectra[name][0]._replace(mean=mean) for spectra in (coarse, fine))
+        found.append((band, *both))
     return found
 
 
@@ -398,7 +406,8 @@ def _shift_of_shaft(table: Any, top: float, levels: FaultLines) -> float:
     shaft = FaultLines({"shaft": 1.0}, harmonics=1, channels=levels.channels)
     shown = []
     for (spectrum,) in _spectra(table, shaft).values():
-        heights = np.maximum(spectrum.lines.heights(spectrum.psd)[0], 0.0)
+        # Of at most 18 dB each, three lines of a fault do not reach the mean of 10 dB.
+        heights = np.clip(spectrum.lines.heights(spectrum.psd)[0], 0.0, 18.0)
         means = np.interp(places, spectrum.lines.orders, heights).mean(axis=1)
         highest, shift = -np.inf, 0.0
         for reach in (rounded, levels.slip, widest):
