@@ -406,17 +406,20 @@ def _shift_of_shaft(table: Any, top: float, levels: FaultLines) -> float:
     shaft = FaultLines({"shaft": 1.0}, harmonics=1, channels=levels.channels)
     shown = []
     for (spectrum,) in _spectra(table, shaft).values():
+        heights = np.maximum(spectrum.lines.heights(spectrum.psd)[0], 0.0)
         # Of at most 18 dB each, three lines of a fault do not reach the mean of 10 dB.
-        heights = np.clip(spectrum.lines.heights(spectrum.psd)[0], 0.0, 18.0)
-        means = np.interp(places, spectrum.lines.orders, heights).mean(axis=1)
-        highest, shift = -np.inf, 0.0
+        precise, means = (
+            np.interp(places, spectrum.lines.orders, each).mean(axis=1)
+            for each in (heights, np.minimum(heights, 18.0))
+        )
+        highest, near = -np.inf, np.zeros(len(shifts), dtype=bool)
         for reach in (rounded, levels.slip, widest):
             likely = (np.abs(shifts) <= reach) & ((np.abs(shifts) <= rounded) | ~of_gear)
             best = np.where(likely, means, -np.inf).argmax()
             if means[best] >= highest + 6.0:
-                highest, shift = means[best], shifts[best]
+                highest, near = means[best], likely & (np.abs(shifts - shifts[best]) <= rounded)
         if highest >= 10.0:
-            shown.append(shift)
+            shown.append(shifts[np.where(near, precise, -np.inf).argmax()])
     shift = float(np.median(shown or [0.0]))
     return shift if abs(shift) > rounded else 0.0
 
