@@ -39,9 +39,10 @@ def run_up(duration, damping):
     return Recording({"x": np.real(a * np.exp(1j * angle)) + noise}, FS, angle=angle), time, a
 
 
-def test_a_rotor_in_a_run_up_is_followed_through_its_resonance():
-    recording, time, a = run_up(20.0, 0.05)
-    track = order_track(recording, 1)
+@pytest.mark.parametrize(("damping", "revolutions"), [(0.05, 8), (0.02, 4)])
+def test_a_rotor_in_a_run_up_is_followed_through_its_resonance(damping, revolutions):
+    recording, time, a = run_up(20.0, damping)
+    track = order_track(recording, 1, revolutions=revolutions)
     track = track[track["time"] > 4]  # the amplitude is 1.5 % of that at the resonance before
     exact = np.interp(track["time"], time, a.real) + 1j * np.interp(track["time"], time, a.imag)
     ratio = complex_of(track) / exact
