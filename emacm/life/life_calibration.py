@@ -395,7 +395,7 @@ class LifeModels:
             given[row] = np.interp(levels[row], given_age, steps)
         low = np.full(levels.shape, self.population.intercept - 25.0)
         high = low + 50.0
-        for _ in range(60):
+        for _ in range(45):  # to 1e-12 of the life
             middle = (low + high) / 2
             below = self._without_age(unit, np.exp(middle)) < given
             low, high = np.where(below, middle, low), np.where(below, high, middle)

@@ -318,7 +318,7 @@ def _in_bands(
 ) -> list[tuple[Band, Spectrum, Spectrum]]:
     """Return bands, and the spectra of the envelope of a channel in each, without prewhitening.
 
-    The bands are octaves, from 15/32 of the sampling rate down to the one that just holds the lines.
+    The bands are octaves, from 15/32 of the sampling rate down to one that just holds the lines.
     """
     recipe = bearing_recipe(levels.parts, harmonics=levels.harmonics, slip=levels.slip)
     _, _, resampler, psd, lines = recipe.named_steps.values()
