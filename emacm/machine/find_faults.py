@@ -167,8 +167,8 @@ def find_faults(
     prewhitening, and those that excite only a narrow resonance are weak in the whole band. Where
     nothing else is named, the envelopes of octaves (up to 15/32 of the sampling rate, as wide as
     the lines at least) are searched without prewhitening: a fault is named from a score of 12 dB
-    on, if all of its lines are at least 10 dB high and no other fault is within 3 dB. Weaker
-    impacts of this kind are not seen.
+    on, if all of its lines are at least 10 dB high and no other fault is within 3 dB; within 0.3 %
+    of multiples of 50 or 60 Hz it is suspected. Weaker impacts of this kind are not seen.
 
     If the strongest fault is rejected, no other one is named. A further fault is named by lines
     that those before it do not explain, in a spectrum of up to 100 or 50 revolutions: harmonics of
@@ -322,6 +322,26 @@ class _Case:
         ]
         return max(likely, key=lambda fault: fault.excess, default=None)
 
+    @cached_property
+    def missing(self) -> str:
+        """Which condition healthy recordings do not have, or "".
+
+        At other speeds, lines of shafts meet the resonances, and they grow with the load.
+        """
+        plain = self.measured.plain
+        if plain is None or self.healthy is None:
+            return ""
+        return missing_condition(plain, self.healthy.plain)
+
+    def of_mains(self, fault: Fault) -> str:
+        """State that lines may be those of the mains, which are as periodic as impacts, or ""."""
+        hertz = fault.series.orders[0] * (1 + fault.slip) * self.measured.rpm / 60
+        for mains in (50.0, 60.0):
+            line = mains * max(round(hertz / mains), 1)
+            if abs(hertz - line) <= 0.003 * hertz:
+                return f"the mains may have lines at {line:.0f} Hz and multiples of it too"
+        return ""
+
     def below_limits(self, fault: Fault) -> str:
         """Return which limit a fault does not reach, or ""."""
         if fault.is_of_shaft:
@@ -407,10 +427,8 @@ def _named(case: _Case) -> _Finding | None:
     while fault := _further_fault(case, [fault.name for fault in named]):
         named.append(fault)
     text = "; ".join(_sentence(fault, case.faults) for fault in named)
-    found = " + ".join(map(case.name_of, named))
-    if case.best.series.slips:
-        return _Finding(found, NONE, case.best, text)
-    return _beside_healthy(case, found, case.best, text)
+    doubt = "" if case.best.series.slips else case.missing
+    return _named_unless(doubt, " + ".join(map(case.name_of, named)), case.best, text)
 
 
 def _further_fault(case: _Case, named: Sequence[str]) -> Fault | None:
@@ -434,10 +452,11 @@ def _further_fault(case: _Case, named: Sequence[str]) -> Fault | None:
 
 
 def _periodic(case: _Case) -> _Finding | None:
-    """Name a fault by impacts that repeat exactly, which prewhitening removes as it does a tone.
+    """Name a fault by the envelope of an octave without prewhitening.
 
-    Such impacts are short: all of their lines are high. In the recordings of the drive end and of
-    MFPT of which nothing is named, a wrong fault has at most 10.6 dB.
+    It has impacts that repeat exactly, which are removed as a tone is, and those that excite only
+    a narrow resonance. Impacts are short: all of their lines are high. In the recordings of the
+    drive end and of MFPT of which nothing is named, a wrong fault has at most 10.6 dB.
     """
     usual = case.healthy and case.healthy.in_bands
     found = [
@@ -463,21 +482,15 @@ def _periodic(case: _Case) -> _Finding | None:
     ):
         return None
     text = f"{_sentence(best, case.faults)}, in {low:.0f} to {high:.0f} Hz without prewhitening"
-    if best.series.slips:
-        return _Finding(best.name, NONE, best, text)
-    return _beside_healthy(case, case.name_of(best), best, text)
+    doubt = case.of_mains(best) if best.series.slips else case.missing
+    return _named_unless(doubt, case.name_of(best), best, text)
 
 
-def _beside_healthy(case: _Case, found: str, fault: Fault, text: str) -> _Finding:
-    """Name lines of shafts, or suspect them if no healthy recording has this speed and load.
-
-    At other speeds they meet the resonances, and they grow with the load.
-    """
-    plain, healthy = case.measured.plain, case.healthy
-    missing = "" if plain is None or healthy is None else missing_condition(plain, healthy.plain)
-    if not missing:
+def _named_unless(doubt: str, found: str, fault: Fault, text: str) -> _Finding:
+    """Name a fault, or suspect it if there is a doubt."""
+    if not doubt:
         return _Finding(found, NONE, fault, text)
-    return _Finding(NONE, found, fault, f"{found} is suspected: {text}; {missing}")
+    return _Finding(NONE, found, fault, f"{found} is suspected: {text}; {doubt}")
 
 
 def _risen(case: _Case) -> _Finding | None:
@@ -518,7 +531,7 @@ def _risen(case: _Case) -> _Finding | None:
         for what, rise, cause in told
     )
     fault = next((fault for fault in case.faults if fault.name in names), case.best)
-    return _beside_healthy(case, found, fault, text)
+    return _named_unless(case.missing, found, fault, text)
 
 
 def _suspected(case: _Case) -> _Finding:
