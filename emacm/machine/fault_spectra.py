@@ -339,8 +339,8 @@ def _in_bands(
         mean = float(np.mean(signal))
         if mean < 1e-4 * np.std(recording.signals[channel]):  # what the filter leaves of a tone
             continue
-        both = (spectra[name][0]._replace(mean=mean) for spectra in (coarse, fine))
-        found.append((band, *both))
+        (first,), (second,) = coarse[name], fine[name]
+        found.append((band, first._replace(mean=mean), second._replace(mean=mean)))
     return found
 
 

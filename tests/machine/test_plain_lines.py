@@ -134,6 +134,11 @@ def fan(amplitude=1.0, twice=0.2, *, seed=0, rate=24.0, gain=1.0):
     return Recording({"case": gain * x}, FS // 2, velocity=TURN * rate)
 
 
+@pytest.fixture(scope="module")
+def healthy_fan():
+    return healthy_scores([fan(seed=seed) for seed in (1, 2, 3, 4)], BEARING)
+
+
 @pytest.mark.parametrize(
     ("change", "named", "text"),
     [
@@ -144,9 +149,8 @@ def fan(amplitude=1.0, twice=0.2, *, seed=0, rate=24.0, gain=1.0):
         ({"amplitude": 3.0, "rate": 27.0}, "none", "1x is suspected: 1x is "),
     ],
 )
-def test_1x_and_2x_are_named_once_they_grew(change, named, text):
-    healthy = [fan(seed=seed) for seed in (1, 2, 3, 4)]
-    row = find_faults([fan(seed=9, **change)], BEARING, healthy=healthy).iloc[0]
+def test_1x_and_2x_are_named_once_they_grew(healthy_fan, change, named, text):
+    row = find_faults([fan(seed=9, **change)], BEARING, healthy=healthy_fan).iloc[0]
     assert row["named"] == named
     assert text in row["explanation"]
 
@@ -180,7 +184,7 @@ def textbook(
     return Recording({"case": x + gear * np.sin(TURN * 13 * rate * t)}, fs, velocity=TURN * rate)
 
 
-@pytest.mark.parametrize("scatter", [0.0, 0.0005, 0.002, 0.01])
+@pytest.mark.parametrize("scatter", [0.0, 0.002, 0.01])
 @pytest.mark.parametrize("fault", ["BPFO", "BPFI", "BSF"])
 def test_impacts_are_named_whether_they_slip_or_repeat_exactly(fault, scatter):
     (line,) = (line for line in BEARING.lines() if line.name == fault)
