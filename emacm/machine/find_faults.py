@@ -167,8 +167,9 @@ def find_faults(
     prewhitening, and those that excite only a narrow resonance are weak in the whole band. Where
     nothing else is named, the envelopes of octaves (up to 15/32 of the sampling rate, as wide as
     the lines at least) are searched without prewhitening: a fault is named from a score of 12 dB
-    on, if all of its lines are at least 10 dB high and no other fault is within 3 dB; within 0.3 %
-    of multiples of 50 or 60 Hz it is suspected. Weaker impacts of this kind are not seen.
+    on, if all of its lines are at least 10 dB high and no other fault is within 3 dB; without
+    `healthy`, within 0.3 % of multiples of 50 or 60 Hz, it is suspected. Weaker impacts of this
+    kind are not seen.
 
     If the strongest fault is rejected, no other one is named. A further fault is named by lines
     that those before it do not explain, in a spectrum of up to 100 or 50 revolutions: harmonics of
@@ -329,12 +330,14 @@ class _Case:
         At other speeds, lines of shafts meet the resonances, and they grow with the load.
         """
         plain = self.measured.plain
-        if plain is None or self.healthy is None:
+        if plain is None or self.healthy is None or not self.healthy.plain:
             return ""
         return missing_condition(plain, self.healthy.plain)
 
     def of_mains(self, fault: Fault) -> str:
         """State that lines may be those of the mains, which are as periodic as impacts, or ""."""
+        if self.healthy is not None:  # which has them too
+            return ""
         hertz = fault.series.orders[0] * (1 + fault.slip) * self.measured.rpm / 60
         for mains in (50.0, 60.0):
             line = mains * max(round(hertz / mains), 1)
