@@ -65,10 +65,8 @@ def measure_plain_lines(
     """
     gears, orders = gears_and_orders(levels.parts)
     orders |= {f"{x:g}x": x for x in (1.0, 2.0) if x not in orders.values()}
-    speeds, chosen = (
-        np.abs(recording.velocity),
-        chosen_channels(levels.channels, recording.channels),
-    )
+    speeds = np.abs(recording.velocity)
+    chosen = chosen_channels(levels.channels, recording.channels)
     triples = [gear.lines()[:3] for gear in gears]
     highest = max(orders.values()) * (1 + levels.slip) + 1
     for mesh, *turning in triples:
