@@ -159,6 +159,7 @@ def find_faults(
       with a broken tooth are found and 0 of 5 healthy ones, each left out of its own baseline.
     - 1x, 2x and orders of a mapping are named if their lines in that spectrum are 6 dB above. The
       orders 1 and 2 of a mapping are the shaft itself, and named by nothing else.
+    - From two thirds of these limits on, they are suspected.
     - If no healthy recording has the speed (within 5 %) and, where loads are stated, the load
       (between theirs, or as near as a quarter of their range or 10 % of the highest), these, and
       a gear in the envelope, are only suspected.
@@ -496,8 +497,10 @@ def _named_unless(doubt: str, found: str, fault: Fault, text: str) -> _Finding:
     return _Finding(NONE, found, fault, f"{found} is suspected: {text}; {doubt}")
 
 
-def _risen(case: _Case) -> _Finding | None:
+def _risen(case: _Case, share: float = 1.0) -> _Finding | None:
     """Name gears by the sidebands of their mesh, or else orders, that rose above healthy ones.
+
+    With a smaller share of the limits, they are suspected.
 
     Sidebands of noise alone are 1 to 3 dB high, and its highest line within a slip is 6 to 7 dB.
     """
@@ -506,7 +509,7 @@ def _risen(case: _Case) -> _Finding | None:
         return None
     table = rises(plain, case.healthy.plain)
     is_gear, settings = table["mesh"].notna(), case.settings
-    least = np.where(is_gear, settings.suspected, settings.named)
+    least = share * np.where(is_gear, settings.suspected, settings.named)
     is_high = table["height"] >= np.where(is_gear, 5.0, 10.0)
     shown = table[is_high & (table["rise"] >= least)].sort_values("rise", ascending=False)
     if shown.empty:
@@ -534,7 +537,9 @@ def _risen(case: _Case) -> _Finding | None:
         for what, rise, cause in told
     )
     fault = next((fault for fault in case.faults if fault.name in names), case.best)
-    return _named_unless(case.missing, found, fault, text)
+    limit = settings.named if gears.empty else settings.suspected
+    doubt = f"it is named from {limit:g} dB on" if share < 1 else ""
+    return _named_unless(case.missing or doubt, found, fault, text)
 
 
 def _suspected(case: _Case) -> _Finding:
@@ -553,6 +558,8 @@ def _suspected(case: _Case) -> _Finding:
     causes = shown.modulated(case.faults) or [shown]
     if case.healthy is None and not all(fault.series.slips for fault in causes):
         likely = []
+    if not likely and (risen := _risen(case, 2 / 3)):
+        return risen
     suspected = " + ".join(fault.name for fault in causes) if likely else NONE
     text = f"{suspected} is suspected: {_sentence(shown, case.faults)}{reason}"
     if not likely:
