@@ -239,6 +239,15 @@ class Measured(NamedTuple):
             return ""
         return f" (speed corrected to {self.rpm:.0f} rpm by the harmonics of the shaft)"
 
+    def of_mains(self, fault: Fault) -> str:
+        """State that lines may be those of the mains, which are as periodic as impacts, or ""."""
+        hertz = fault.series.orders[0] * (1 + fault.slip) * self.rpm / 60
+        for mains in (50.0, 60.0):
+            line = mains * max(round(hertz / mains), 1)
+            if abs(hertz - line) <= 0.003 * hertz:
+                return f"the mains may have lines at {line:.0f} Hz and multiples of it too"
+        return ""
+
     def speed_text(self, fault: Fault | None) -> str:
         """State the speed or geometry that fits the lines of a fault, or those of the shaft."""
         factor = 1 + (self.shift if fault is None else fault.slip)

@@ -335,17 +335,6 @@ class _Case:
             return ""
         return missing_condition(plain, self.healthy.plain)
 
-    def of_mains(self, fault: Fault) -> str:
-        """State that lines may be those of the mains, which are as periodic as impacts, or ""."""
-        if self.healthy is not None:  # which has them too
-            return ""
-        hertz = fault.series.orders[0] * (1 + fault.slip) * self.measured.rpm / 60
-        for mains in (50.0, 60.0):
-            line = mains * max(round(hertz / mains), 1)
-            if abs(hertz - line) <= 0.003 * hertz:
-                return f"the mains may have lines at {line:.0f} Hz and multiples of it too"
-        return ""
-
     def below_limits(self, fault: Fault) -> str:
         """Return which limit a fault does not reach, or ""."""
         if fault.is_of_shaft:
@@ -486,7 +475,9 @@ def _periodic(case: _Case) -> _Finding | None:
     ):
         return None
     text = f"{_sentence(best, case.faults)}, in {low:.0f} to {high:.0f} Hz without prewhitening"
-    doubt = case.of_mains(best) if best.series.slips else case.missing
+    doubt = case.missing
+    if best.series.slips:  # healthy recordings have the lines of the mains too
+        doubt = case.measured.of_mains(best) if case.healthy is None else ""
     return _named_unless(doubt, case.name_of(best), best, text)
 
 
