@@ -159,18 +159,16 @@ def find_faults(
       with a broken tooth are found and 0 of 5 healthy ones, each left out of its own baseline.
     - 1x, 2x and orders of a mapping are named if their lines in that spectrum are 6 dB above. The
       orders 1 and 2 of a mapping are the shaft itself, and named by nothing else.
-    - From two thirds of these limits on, they are suspected.
-    - If no healthy recording has the speed (within 5 %) and, where loads are stated, the load
-      (between theirs, or as near as a quarter of their range or 10 % of the highest), these, and
-      a gear in the envelope, are only suspected.
+    - From two thirds of these limits on, they are suspected. If no healthy recording has the speed
+      (within 5 %) and, where loads are stated, the load (between theirs, or as near as a quarter of
+      their range or 10 % of the highest), these, and a gear in the envelope, are only suspected.
 
-    Impacts that repeat exactly, as in simulations without slip or of a tooth, are removed by
-    prewhitening, and those that excite only a narrow resonance are weak in the whole band. Where
-    nothing else is named, the envelopes of octaves (up to 15/32 of the sampling rate, as wide as
-    the lines at least) are searched without prewhitening: a fault is named from a score of 12 dB
-    on, if all of its lines are at least 10 dB high and no other fault is within 3 dB; without
-    `healthy`, within 0.3 % of multiples of 50 or 60 Hz, it is suspected. Weaker impacts of this
-    kind are not seen.
+    Prewhitening removes impacts that repeat exactly, as in simulations without slip or of a tooth,
+    and those that excite only a narrow resonance are weak in the whole band. Where nothing else is
+    named, the envelopes of octaves (up to 15/32 of the sampling rate, as wide as the lines at
+    least) are searched without it: a fault is named from a score of 12 dB on, if all of its lines
+    are at least 10 dB high and no other fault is within 3 dB; without `healthy`, within 0.3 % of
+    multiples of 50 or 60 Hz, it is suspected. Weaker impacts of this kind are not seen.
 
     If the strongest fault is rejected, no other one is named. A further fault is named by lines
     that those before it do not explain, in a spectrum of up to 100 or 50 revolutions: harmonics of
