@@ -160,7 +160,7 @@ def find_faults(
     - 1x, 2x and orders of a mapping are named if their lines in that spectrum are 6 dB above. The
       orders 1 and 2 of a mapping are the shaft itself, and named by nothing else.
     - From two thirds of these limits on, they are suspected. If no healthy recording has the speed
-      (within 5 %) and, where loads are stated, the load (between theirs, or as near as a quarter of
+      (within 5 %) and, where loads are stated, the load (between theirs, or as near as a third of
       their range or 10 % of the highest), these, and a gear in the envelope, are only suspected.
 
     Prewhitening removes impacts that repeat exactly, as in simulations without slip or of a tooth,
