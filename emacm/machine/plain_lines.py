@@ -190,7 +190,8 @@ def missing_condition(own: PlainLines, healthy: Sequence[PlainLines]) -> str:
     if own.load is None or None in loads or own.load in loads:
         return ""
     load, *others = pd.to_numeric(pd.Series([own.load, *loads]), errors="coerce")
-    reach = max(0.1 * np.abs(others).max(), 0.34 * np.ptp(others))  # of four even loads, one step more
+    # Measured loads vary; of four even loads, a third of the range is one step.
+    reach = max(0.1 * np.abs(others).max(), 0.34 * np.ptp(others))
     if min(others) - reach <= load <= max(others) + reach:  # not if one is no number
         return ""
     return f"none of them has a load like {own.load}"
