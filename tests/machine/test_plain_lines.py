@@ -102,7 +102,7 @@ def test_a_broken_tooth_is_found_on_a_gear_rig_and_sound_gears_are_not_named():
         for name in (
             f"{state}_{load}" for state in ("healthy", "broken") for load in range(0, 81, 20)
         ):
-            signals = dict(zip("abcd", stored[name].T.astype(float), strict=True))
+            signals = dict(zip("ab", stored[name].T[:2].astype(float), strict=True))
             speed = TURN * float(stored[f"{name}/shaft_hz"])
             load = int(name.partition("_")[2])
             runs[name] = Recording(signals, 12_800, velocity=speed, meta={"load": load})
