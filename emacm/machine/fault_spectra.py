@@ -416,19 +416,16 @@ def _shift_of_shaft(table: Any, top: float, levels: FaultLines) -> float:
     shown = []
     for (spectrum,) in _spectra(table, shaft).values():
         heights = np.maximum(spectrum.lines.heights(spectrum.psd)[0], 0.0)
-        # Of at most 18 dB each, three lines of a fault do not reach the mean of 10 dB.
-        precise, means = (
-            np.interp(places, spectrum.lines.orders, each).mean(axis=1)
-            for each in (heights, np.minimum(heights, 18.0))
-        )
-        highest, near = -np.inf, np.zeros(len(shifts), dtype=bool)
+        lines = np.interp(places, spectrum.lines.orders, heights)
+        means, highest, best = lines.mean(axis=1), -np.inf, 0
         for reach in (rounded, levels.slip, widest):
             likely = (np.abs(shifts) <= reach) & ((np.abs(shifts) <= rounded) | ~of_gear)
-            best = np.where(likely, means, -np.inf).argmax()
-            if means[best] >= highest + 6.0:
-                highest, near = means[best], likely & (np.abs(shifts - shifts[best]) <= rounded)
-        if highest >= 10.0:
-            shown.append(shifts[np.where(near, precise, -np.inf).argmax()])
+            place = np.where(likely, means, -np.inf).argmax()
+            if means[place] >= highest + 6.0:
+                highest, best = means[place], place
+        # Two lines may be those of a bearing: 3.08 and 6.17 are near 3x and 6x.
+        if highest >= 10.0 and np.count_nonzero(lines[best] >= 9.0) > n_lines / 3:
+            shown.append(shifts[best])
     shift = float(np.median(shown or [0.0]))
     return shift if abs(shift) > rounded else 0.0
 

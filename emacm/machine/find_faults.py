@@ -184,11 +184,11 @@ def find_faults(
     the speed that would fit. This is found by the harmonics of the shaft (of recordings) or by the
     lines of a fault:
 
-    - The first six harmonics of the shaft, if their mean height (of each, 18 dB at most) is 10 dB
-      or more and 6 dB more than at the stated speed, show an error up to 10 %. Up to `slip` the
-      speed is corrected, from there on the recording is not assessed. Another shaft of nearly the
-      same speed, or harmonics of the mains, may be taken for the shaft: raise `slip` then. Healthy
-      recordings at a wrong speed are refused.
+    - The first six harmonics of the shaft, if three of them are 9 dB high and their mean height is
+      10 dB or more and 6 dB more than at the stated speed, show an error up to 10 %. Up to `slip`
+      the speed is corrected, from there on the recording is not assessed. Another shaft of nearly
+      the same speed, or harmonics of the mains, may be taken for the shaft: raise `slip` then.
+      Healthy recordings at a wrong speed are refused.
     - Lines within 10 % of the predicted orders, but outside of `slip`, would be named, and are
       higher by 3 dB than those within (by 6 dB if these would be named without `healthy`). Lines
       that healthy recordings have there are no evidence of a wrong speed.
