@@ -420,7 +420,7 @@ def _shift_of_shaft(table: Any, top: float, levels: FaultLines) -> float:
         means, highest, best = lines.mean(axis=1), -np.inf, 0
         for reach in (rounded, levels.slip, widest):
             likely = (np.abs(shifts) <= reach) & ((np.abs(shifts) <= rounded) | ~of_gear)
-            place = np.where(likely, means, -np.inf).argmax()
+            place = int(np.where(likely, means, -np.inf).argmax())
             if means[place] >= highest + 6.0:
                 highest, best = means[place], place
         # Two lines may be those of a bearing: 3.08 and 6.17 are near 3x and 6x.
