@@ -164,22 +164,22 @@ def test_times_of_writing_are_stated_and_not_used_where_they_cannot_be_right(
 # Remaining life
 
 
-@pytest.mark.parametrize("column", ["noise", "flat"])
-def test_a_remaining_life_is_that_of_units_which_survived_to_this_age(column):
+@pytest.mark.parametrize(("column", "onset"), [("noise", None), ("flat", None), ("noise", -9.0)])
+def test_a_remaining_life_is_that_of_units_which_survived_to_this_age(column, onset):
     rng, shape = np.random.default_rng(0), 2.5
     lives = 1000 * (-np.log(1 - (np.arange(60) + 0.5) / 60)) ** (1 / shape)
     units = np.repeat(np.arange(60), (lives // 25 + 1).astype(int))
     ages = 25.0 * np.concatenate([np.arange(n) for n in np.bincount(units)])
     end = np.maximum(ages / lives[units] - 0.95, 0) / 0.05  # 0 until 95 % of the life
     index = rng.normal(size=len(ages)) if column == "noise" else end
-    model = RemainingLife().fit(np.c_[ages, index], lives[units] - ages, groups=units)
+    model = RemainingLife(onset=onset).fit(np.c_[ages, index], lives[units] - ages, groups=units)
     new = np.array([0.0, 300.0, 600.0, 900.0])
     reached = new / 0.95 if column == "flat" else new  # at least: the index is still 0
     medians = 1000 * ((reached / 1000) ** shape + np.log(2)) ** (1 / shape) - new
     table = model.predict_interval(np.c_[new, 0 * new])
     np.testing.assert_allclose(table["median"], medians, rtol=0.08)
     np.testing.assert_allclose(model.predict(np.c_[new, 0 * new]), table["median"], rtol=1e-6)
-    assert "follows from health index and, without onset, age" in table["statement"][0]
+    assert "follows from health index, and age if no onset was seen" in table["statement"][0]
 
 
 # Geometry of a machine

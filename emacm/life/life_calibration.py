@@ -293,7 +293,7 @@ def statement(row: dict[str, Any], coverage: float, without_index: Array) -> str
     """
     basis, when = "No damage is known: this is the life of the population.", "of this age"
     if row["stage"] == DAMAGE:
-        basis = "Damage is present: this follows from health index and, without onset, age."
+        basis = "Damage is present: this follows from health index, and age if no onset was seen."
         when = "as long after the onset"
     interval = f"{coverage:.0%} interval from {row['n_units']} units {when}."
     if not np.isfinite(row["upper"]):
@@ -319,7 +319,7 @@ class LifeModels:
         Used from the onset on; None if no unit of the fit had damage.
     readings : WeibullRegression or None
         Remaining life of all readings, whatever their columns are; with it, the age counts beside
-        the columns.
+        the columns of units whose onset is their first reading.
     """
 
     population: WeibullRegression
@@ -327,9 +327,7 @@ class LifeModels:
     readings: WeibullRegression | None = None
 
     @classmethod
-    def fit(
-        cls, histories: list[History], model: str, threshold: float | None, *, with_age: bool
-    ) -> LifeModels:
+    def fit(cls, histories: list[History], model: str, threshold: float | None) -> LifeModels:
         """Estimate them from whole units, which count equally."""
         lives = np.array([unit.life for unit in histories])
         failed = np.array([unit.failed for unit in histories])
@@ -349,8 +347,6 @@ class LifeModels:
         failed = np.repeat([unit.failed for unit in damaged], n_rows)
         weights = np.repeat(1 / np.maximum(n_rows, 1), n_rows)
         damage = WeibullRegression.fit(table, remaining, failed, weights)
-        if not with_age:
-            return cls(population, damage)
         readings = WeibullRegression.fit(table[:, :0], remaining, failed, weights)
         return cls(population, damage, readings)
 
@@ -366,18 +362,18 @@ class LifeModels:
 
         Bayes' rule: the prior is the life of the population that survived to this age, and the
         columns have the likelihood p(remaining life | columns) / p(remaining life), so that columns
-        without information leave the prior.
+        without information leave the prior. Where the onset was seen, the columns decide alone.
         """
-        if self.readings is None or not isinstance(self.damage, WeibullRegression):
+        if unit.onset or self.readings is None or not isinstance(self.damage, WeibullRegression):
             return
-        first, n_steps = unit.onset, 400
-        logs = self.damage.logs_at((np.arange(n_steps) + 0.5) / n_steps, unit.columns[first:])
+        n_steps = 400
+        logs = self.damage.logs_at((np.arange(n_steps) + 0.5) / n_steps, unit.columns)
         with np.errstate(divide="ignore"):
-            ages = np.log(unit.ages[first:, np.newaxis])
+            ages = np.log(unit.ages[:, np.newaxis])
         weights = self.population.log_density(np.logaddexp(ages, logs))
         weights -= self.readings.log_density(logs)
         weights = np.exp(weights - weights.max(axis=1, keepdims=True))
-        for row, own in enumerate(weights, first):
+        for row, own in enumerate(weights):
             passed = np.append(0.0, np.cumsum(own))
             yield row, (np.linspace(0, 1, n_steps + 1), passed / passed[-1])
 
@@ -399,7 +395,7 @@ class LifeModels:
             given[row] = np.interp(levels[row], given_age, steps)
         low = np.full(levels.shape, self.population.intercept - 25.0)
         high = low + 50.0
-        for _ in range(60):
+        for _ in range(45):  # to 1e-12 of the life
             middle = (low + high) / 2
             below = self._without_age(unit, np.exp(middle)) < given
             low, high = np.where(below, middle, low), np.where(below, high, middle)

@@ -14,6 +14,7 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,9 +84,8 @@ class WeibullRegression:
 
         start = np.zeros(n_columns + 2)
         start[-1] = np.log(max(float(logs.std()), 0.1))
-        bounds = [(None, None)] * (n_columns + 1) + [
-            (-np.log(50.0), 3.0)
-        ]  # equal lives: no infinite shape
+        bounds: Any = [(None, None)] * (n_columns + 1)
+        bounds.append((-np.log(50.0), 3.0))  # equal lives: no infinite shape
         found = minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds).x
         slopes = found[1:-1] / scale
         return cls(float(middle + found[0] - slopes @ mean), slopes, float(np.exp(found[-1])))

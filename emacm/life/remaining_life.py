@@ -140,8 +140,9 @@ class RemainingLife(RegressorMixin, SavedEstimator):
     a Weibull distribution. From the onset on, the health index is used, by one of two models:
 
     - "weibull": accelerated failure time: the logarithm of the remaining life depends linearly on
-      the columns; no threshold is needed. Without `onset`, where the index may say nothing yet,
-      this is combined with the life of the population that survived to the present age.
+      the columns; no threshold is needed. For units with damage from their first reading on
+      (without `onset`: all), whose index may say nothing yet, this is combined with the life of the
+      population that survived to the present age.
     - "wiener": the index increases by a Wiener process whose drift differs between units and is
       learned for each unit as it is followed; a unit fails when the index reaches a threshold.
       The index should increase linearly: levels in dB do if amplitudes grow exponentially. Index
@@ -281,8 +282,7 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         if self.n_features_in_ > 1:
             what = f"that failed and have readings after the onset of damage (onset={self.onset!r})"
             check_coverage(self.coverage, len([x for x in failed if x.damaged.any()]), what)
-        with_age = self.onset is None
-        fit = partial(LifeModels.fit, model=self.model, threshold=self.threshold, with_age=with_age)
+        fit = partial(LifeModels.fit, model=self.model, threshold=self.threshold)
         self.models_ = fit(histories)
         self._fitted_range = np.array([X.min(axis=0), X.max(axis=0)])
         self._fitted_range[:, 0] = 0, max(unit.life for unit in histories)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache, lru_cache, partial
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from emacm.machine.bearing_recipe import bearing_recipe
 from emacm.machine.fault_lines import FaultLines, LineLevels, resolved
 from emacm.machine.fault_orders import FaultSeries, fault_series, gears_and_orders
 from emacm.machine.plain_lines import PlainLines, measure_plain_lines
+from emacm.orders.bins import Band
 from emacm.orders.columns import column_names
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.inputs import as_recordings, check_channel_names, described
@@ -210,7 +212,7 @@ class Measured(NamedTuple):
     plain : PlainLines or None
         Lines of the signal itself; None for a table.
     bands : callable
-        Returns the spectra of the envelope in each of four bands, without prewhitening: of
+        Returns bands [Hz] and the spectra of the envelope in each, without prewhitening: of
         segments of 25 and of 100 revolutions. None of a table.
     """
 
@@ -223,7 +225,7 @@ class Measured(NamedTuple):
     fs: float = np.nan
     defect: str = ""
     plain: PlainLines | None = None
-    bands: Callable[[], list[tuple[Spectrum, Spectrum]]] = list
+    bands: Callable[[], list[tuple[Band, Spectrum, Spectrum]]] = list
 
     @property
     def is_shifted(self) -> bool:
@@ -236,6 +238,15 @@ class Measured(NamedTuple):
         if self.defect or self.shift == 0 or self.is_shifted:
             return ""
         return f" (speed corrected to {self.rpm:.0f} rpm by the harmonics of the shaft)"
+
+    def of_mains(self, fault: Fault) -> str:
+        """State that lines may be those of the mains, which are as periodic as impacts, or ""."""
+        hertz = fault.series.orders[0] * (1 + fault.slip) * self.rpm / 60
+        for mains in (50.0, 60.0):
+            line = mains * max(round(hertz / mains), 1)
+            if abs(hertz - line) <= 0.003 * hertz:
+                return f"the mains may have lines at {line:.0f} Hz and multiples of it too"
+        return ""
 
     def speed_text(self, fault: Fault | None) -> str:
         """State the speed or geometry that fits the lines of a fault, or those of the shaft."""
@@ -313,26 +324,32 @@ def _of_recording(number: int, stated: Recording, levels: FaultLines) -> Iterato
 
 def _in_bands(
     recording: Recording, channel: str, levels: FaultLines
-) -> list[tuple[Spectrum, Spectrum]]:
-    """Return the spectra of the envelope of a channel in four bands, without prewhitening.
+) -> list[tuple[Band, Spectrum, Spectrum]]:
+    """Return bands, and the spectra of the envelope of a channel in each, without prewhitening.
 
-    The bands are octaves, the highest one up to 15/32 of the sampling rate.
+    The bands are octaves, from 15/32 of the sampling rate down to one that just holds the lines.
     """
-    options: dict[str, Any] = {"harmonics": levels.harmonics, "slip": levels.slip}
-    options["channels"] = [channel]
-    _, _, resampler, psd, lines = bearing_recipe(levels.parts, **options).named_steps.values()
+    recipe = bearing_recipe(levels.parts, harmonics=levels.harmonics, slip=levels.slip)
+    _, _, resampler, psd, lines = recipe.named_steps.values()
+    highest_line = psd.max_order * np.abs(recording.velocity).max() / (2 * np.pi)
+    edges = [recording.fs[channel] * k / 32 for k in (15, 8, 4, 2, 1)]
+    while edges[-1] / 2 >= highest_line:
+        edges.append(edges[-1] / 2)
+    bands = [(low, high) for high, low in pairwise(edges)]
+    detector = EnvelopeDetector(bands, squared=False)
+    (envelope,) = detector.fit_transform([recording.select([channel])])
+    over_angle = resampler.fit_transform([envelope])
+    coarse, fine = (
+        _spectra(_order_spectra(over_angle, recording, length, psd.max_order), lines)
+        for length in (25, 100)
+    )
     found = []
-    for low, high in ((1, 2), (2, 4), (4, 8), (8, 15)):
-        band = tuple(recording.fs[channel] / 32 * np.array([low, high]))
-        detector = EnvelopeDetector(band, channels=[channel], squared=False)
-        envelope = detector.fit_transform([recording])
-        over_angle = resampler.fit_transform(envelope)
-        mean = float(np.mean(envelope[0].signals[channel]))
-        (coarse,), (fine,) = (
-            _spectra(_order_spectra(over_angle, recording, length, psd.max_order), lines)[channel]
-            for length in (25, 100)
-        )
-        found.append((coarse._replace(mean=mean), fine._replace(mean=mean)))
+    for band, (name, signal) in zip(bands, envelope.signals.items(), strict=True):
+        mean = float(np.mean(signal))
+        if mean < 1e-4 * np.std(recording.signals[channel]):  # what the filter leaves of a tone
+            continue
+        (first,), (second,) = coarse[name], fine[name]
+        found.append((band, first._replace(mean=mean), second._replace(mean=mean)))
     return found
 
 
@@ -399,15 +416,16 @@ def _shift_of_shaft(table: Any, top: float, levels: FaultLines) -> float:
     shown = []
     for (spectrum,) in _spectra(table, shaft).values():
         heights = np.maximum(spectrum.lines.heights(spectrum.psd)[0], 0.0)
-        means = np.interp(places, spectrum.lines.orders, heights).mean(axis=1)
-        highest, shift = -np.inf, 0.0
+        lines = np.interp(places, spectrum.lines.orders, heights)
+        means, highest, best = lines.mean(axis=1), -np.inf, 0
         for reach in (rounded, levels.slip, widest):
             likely = (np.abs(shifts) <= reach) & ((np.abs(shifts) <= rounded) | ~of_gear)
-            best = np.where(likely, means, -np.inf).argmax()
-            if means[best] >= highest + 6.0:
-                highest, shift = means[best], shifts[best]
-        if highest >= 10.0:
-            shown.append(shift)
+            place = int(np.where(likely, means, -np.inf).argmax())
+            if means[place] >= highest + 6.0:
+                highest, best = means[place], place
+        # Two lines may be those of a bearing: 3.08 and 6.17 are near 3x and 6x.
+        if highest >= 10.0 and np.count_nonzero(lines[best] >= 9.0) > n_lines / 3:
+            shown.append(shifts[best])
     shift = float(np.median(shown or [0.0]))
     return shift if abs(shift) > rounded else 0.0
 

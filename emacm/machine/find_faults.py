@@ -15,7 +15,7 @@ from emacm.machine.fault_lines import FaultLines
 from emacm.machine.fault_orders import Parts, fault_series, only_damage
 from emacm.machine.fault_spectra import Fault, Measured, measured_spectra
 from emacm.machine.healthy_scores import HealthyScores, healthy_scores
-from emacm.machine.plain_lines import rises
+from emacm.machine.plain_lines import missing_condition, rises
 from emacm.recordings.inputs import check_channel_names, entry_name
 
 NONE, NOT_ASSESSED = "none", "not assessed"
@@ -159,13 +159,16 @@ def find_faults(
       with a broken tooth are found and 0 of 5 healthy ones, each left out of its own baseline.
     - 1x, 2x and orders of a mapping are named if their lines in that spectrum are 6 dB above. The
       orders 1 and 2 of a mapping are the shaft itself, and named by nothing else.
-    - If no healthy speed is within 5 %, both are only suspected.
+    - From two thirds of these limits on, they are suspected. If no healthy recording has the speed
+      (within 5 %) and, where loads are stated, the load (between theirs, or as near as a third of
+      their range or 10 % of the highest), these, and a gear in the envelope, are only suspected.
 
-    Impacts that repeat exactly, as in simulations without slip or of a tooth, are removed by
-    prewhitening. Where nothing else is named, the envelopes of four fixed bands (octaves, up to
-    15/32 of the sampling rate) are searched without prewhitening: a fault is named from a score of
-    12 dB on, if all of its lines are at least 10 dB high and no other fault is within 3 dB.
-    Weaker impacts of this kind are not seen.
+    Prewhitening removes impacts that repeat exactly, as in simulations without slip or of a tooth,
+    and those that excite only a narrow resonance are weak in the whole band. Where nothing else is
+    named, the envelopes of octaves (up to 15/32 of the sampling rate, as wide as the lines at
+    least) are searched without it: a fault is named from a score of 12 dB on, if all of its lines
+    are at least 10 dB high and no other fault is within 3 dB; without `healthy`, within 0.3 % of
+    multiples of 50 or 60 Hz, it is suspected. Weaker impacts of this kind are not seen.
 
     If the strongest fault is rejected, no other one is named. A further fault is named by lines
     that those before it do not explain, in a spectrum of up to 100 or 50 revolutions: harmonics of
@@ -181,11 +184,11 @@ def find_faults(
     the speed that would fit. This is found by the harmonics of the shaft (of recordings) or by the
     lines of a fault:
 
-    - The first six harmonics of the shaft, if their mean height is 10 dB or more and 6 dB more than
-      at the stated speed, show an error up to 10 %. Up to `slip` the speed is corrected, from there
-      on the recording is not assessed. Another shaft of nearly the same speed, or harmonics of the
-      mains, may be taken for the shaft: raise `slip` then. Healthy recordings at a wrong speed are
-      refused.
+    - The first six harmonics of the shaft, if three of them are 9 dB high and their mean height is
+      10 dB or more and 6 dB more than at the stated speed, show an error up to 10 %. Up to `slip`
+      the speed is corrected, from there on the recording is not assessed. Another shaft of nearly
+      the same speed, or harmonics of the mains, may be taken for the shaft: raise `slip` then.
+      Healthy recordings at a wrong speed are refused.
     - Lines within 10 % of the predicted orders, but outside of `slip`, would be named, and are
       higher by 3 dB than those within (by 6 dB if these would be named without `healthy`). Lines
       that healthy recordings have there are no evidence of a wrong speed.
@@ -307,14 +310,6 @@ class _Case:
         return max(possible, key=lambda fault: fault.excess)
 
     @cached_property
-    def risen(self) -> tuple[pd.DataFrame, float]:
-        """Rises of the lines of the signal itself above healthy recordings, and their speed."""
-        plain = self.measured.plain
-        if plain is None or self.healthy is None or not self.healthy.plain:
-            return pd.DataFrame(), np.nan
-        return rises(plain, self.healthy.plain)
-
-    @cached_property
     def at_other_speed(self) -> Fault | None:
         """The strongest fault that would be named with another speed."""
         faults = self.measured.spectrum.faults_at_other_speeds()
@@ -326,6 +321,17 @@ class _Case:
             and not self.below_limits(fault)
         ]
         return max(likely, key=lambda fault: fault.excess, default=None)
+
+    @cached_property
+    def missing(self) -> str:
+        """Which condition healthy recordings do not have, or "".
+
+        At other speeds, lines of shafts meet the resonances, and they grow with the load.
+        """
+        plain = self.measured.plain
+        if plain is None or self.healthy is None or not self.healthy.plain:
+            return ""
+        return missing_condition(plain, self.healthy.plain)
 
     def below_limits(self, fault: Fault) -> str:
         """Return which limit a fault does not reach, or ""."""
@@ -412,7 +418,8 @@ def _named(case: _Case) -> _Finding | None:
     while fault := _further_fault(case, [fault.name for fault in named]):
         named.append(fault)
     text = "; ".join(_sentence(fault, case.faults) for fault in named)
-    return _Finding(" + ".join(map(case.name_of, named)), NONE, case.best, text)
+    doubt = "" if case.best.series.slips else case.missing
+    return _named_unless(doubt, " + ".join(map(case.name_of, named)), case.best, text)
 
 
 def _further_fault(case: _Case, named: Sequence[str]) -> Fault | None:
@@ -436,22 +443,23 @@ def _further_fault(case: _Case, named: Sequence[str]) -> Fault | None:
 
 
 def _periodic(case: _Case) -> _Finding | None:
-    """Name a fault by impacts that repeat exactly, which prewhitening removes as it does a tone.
+    """Name a fault by the envelope of an octave without prewhitening.
 
-    Such impacts are short: all of their lines are high. In the recordings of the drive end and of
-    MFPT of which nothing is named, a wrong fault has at most 10.6 dB.
+    It has impacts that repeat exactly, which are removed as a tone is, and those that excite only
+    a narrow resonance. Impacts are short: all of their lines are high. In the recordings of the
+    drive end and of MFPT of which nothing is named, a wrong fault has at most 10.6 dB.
     """
     usual = case.healthy and case.healthy.in_bands
     found = [
-        (fault, fine, faults)
-        for coarse, fine in case.measured.bands()
+        (fault, fine, faults, band)
+        for band, coarse, fine in case.measured.bands()
         for faults in [_compared(coarse.faults(), usual)]
         for fault in faults
         if (fault.series.slips or case.healthy is not None) and not fault.is_of_shaft
     ]
     if not found:
         return None
-    best, fine, faults = max(found, key=lambda each: each[0].excess)
+    best, fine, faults, (low, high) = max(found, key=lambda each: each[0].excess)
     same = best.series.orders
     others = [fault.excess for fault, *_ in found if fault.series.orders != same]
     if (
@@ -464,20 +472,33 @@ def _periodic(case: _Case) -> _Finding | None:
         or fine.has_other_source(best)
     ):
         return None
-    text = f"{_sentence(best, case.faults)}, by impacts that repeat exactly (not prewhitened)"
-    return _Finding(case.name_of(best), NONE, best, text)
+    text = f"{_sentence(best, case.faults)}, in {low:.0f} to {high:.0f} Hz without prewhitening"
+    doubt = case.missing
+    if best.series.slips:  # healthy recordings have the lines of the mains too
+        doubt = case.measured.of_mains(best) if case.healthy is None else ""
+    return _named_unless(doubt, case.name_of(best), best, text)
 
 
-def _risen(case: _Case) -> _Finding | None:
+def _named_unless(doubt: str, found: str, fault: Fault, text: str) -> _Finding:
+    """Name a fault, or suspect it if there is a doubt."""
+    if not doubt:
+        return _Finding(found, NONE, fault, text)
+    return _Finding(NONE, found, fault, f"{found} is suspected: {text}; {doubt}")
+
+
+def _risen(case: _Case, share: float = 1.0) -> _Finding | None:
     """Name gears by the sidebands of their mesh, or else orders, that rose above healthy ones.
+
+    With a smaller share of the limits, they are suspected.
 
     Sidebands of noise alone are 1 to 3 dB high, and its highest line within a slip is 6 to 7 dB.
     """
-    table, speed = case.risen
-    if table.empty:
+    plain = case.measured.plain
+    if plain is None or case.healthy is None or not case.healthy.plain:
         return None
+    table = rises(plain, case.healthy.plain)
     is_gear, settings = table["mesh"].notna(), case.settings
-    least = np.where(is_gear, settings.suspected, settings.named)
+    least = share * np.where(is_gear, settings.suspected, settings.named)
     is_high = table["height"] >= np.where(is_gear, 5.0, 10.0)
     shown = table[is_high & (table["rise"] >= least)].sort_values("rise", ascending=False)
     if shown.empty:
@@ -498,18 +519,16 @@ def _risen(case: _Case) -> _Finding | None:
         names = by_gear.index[by_gear > by_gear.max() - settings.named].tolist()
         found, mesh = " or ".join(names), f" (the mesh itself: {row['mesh']:+.0f} dB)"
         told = [(f"sidebands of {found} at {harmonic}x mesh are", row["rise"], mesh)]
-    plain, rpm, near = case.measured.plain, case.measured.rpm, speed * 30 / np.pi
-    nearest = "speed" if plain is None or plain.load is None else "speed and load"
+    nearest = "speed" if plain.load is None else "speed and load"
     text = "; ".join(
         f"{what} {rise:.0f} dB above the healthy recordings of the nearest {nearest}, in the order "
         f"spectrum{cause}"
         for what, rise, cause in told
     )
     fault = next((fault for fault in case.faults if fault.name in names), case.best)
-    if abs(near / rpm - 1) < 0.05:  # at other speeds, other lines meet the resonances
-        return _Finding(found, NONE, fault, text)
-    far = f"none of them runs at {rpm:.0f} rpm, the nearest at {near:.0f} rpm"
-    return _Finding(NONE, found, fault, f"{found} is suspected: {text}; {far}")
+    limit = settings.named if gears.empty else settings.suspected
+    doubt = f"it is named from {limit:g} dB on" if share < 1 else ""
+    return _named_unless(case.missing or doubt, found, fault, text)
 
 
 def _suspected(case: _Case) -> _Finding:
@@ -528,6 +547,8 @@ def _suspected(case: _Case) -> _Finding:
     causes = shown.modulated(case.faults) or [shown]
     if case.healthy is None and not all(fault.series.slips for fault in causes):
         likely = []
+    if not likely and (risen := _risen(case, 2 / 3)):
+        return risen
     suspected = " + ".join(fault.name for fault in causes) if likely else NONE
     text = f"{suspected} is suspected: {_sentence(shown, case.faults)}{reason}"
     if not likely:

@@ -67,7 +67,7 @@ def healthy_scores(
             for scores, faults in (
                 (own.within_slip, spectrum.faults()),
                 (own.other_speeds, spectrum.faults_at_other_speeds()),
-                *((own.in_bands, coarse.faults()) for coarse, _ in measured.bands()),
+                *((own.in_bands, coarse.faults()) for _, coarse, _ in measured.bands()),
             ):
                 scores |= {f.name: max(f.score, scores.get(f.name, 0.0)) for f in faults}
     return by_channel

@@ -65,10 +65,8 @@ def measure_plain_lines(
     """
     gears, orders = gears_and_orders(levels.parts)
     orders |= {f"{x:g}x": x for x in (1.0, 2.0) if x not in orders.values()}
-    speeds, chosen = (
-        np.abs(recording.velocity),
-        chosen_channels(levels.channels, recording.channels),
-    )
+    speeds = np.abs(recording.velocity)
+    chosen = chosen_channels(levels.channels, recording.channels)
     triples = [gear.lines()[:3] for gear in gears]
     highest = max(orders.values()) * (1 + levels.slip) + 1
     for mesh, *turning in triples:
@@ -175,7 +173,31 @@ def nearest_conditions(own: PlainLines, healthy: Sequence[PlainLines]) -> list[P
     return [run for run, far in zip(healthy, distance, strict=True) if far <= third]
 
 
-def rises(own: PlainLines, healthy: Sequence[PlainLines]) -> tuple[pd.DataFrame, float]:
+def missing_condition(own: PlainLines, healthy: Sequence[PlainLines]) -> str:
+    """Return which condition of a recording healthy ones do not have, as a sentence, or "".
+
+    Examples
+    --------
+    >>> run, *healthy = [PlainLines(100.0, load, pd.DataFrame()) for load in (40, 0, 20)]
+    >>> missing_condition(run, healthy)
+    'none of them has a load like 40'
+    """
+    speed = min((run.speed for run in healthy), key=lambda speed: abs(speed - own.speed))
+    if abs(speed / own.speed - 1) >= 0.05:
+        own_rpm, rpm = own.speed * 30 / np.pi, speed * 30 / np.pi
+        return f"none of them runs at {own_rpm:.0f} rpm, the nearest at {rpm:.0f} rpm"
+    loads = [run.load for run in healthy if abs(run.speed / own.speed - 1) < 0.05]
+    if own.load is None or None in loads or own.load in loads:
+        return ""
+    load, *others = pd.to_numeric(pd.Series([own.load, *loads]), errors="coerce")
+    # Measured loads vary; of four even loads, a third of the range is one step.
+    reach = max(0.1 * np.abs(others).max(), 0.34 * np.ptp(others))
+    if min(others) - reach <= load <= max(others) + reach:  # not if one is no number
+        return ""
+    return f"none of them has a load like {own.load}"
+
+
+def rises(own: PlainLines, healthy: Sequence[PlainLines]) -> pd.DataFrame:
     """Return how far lines rose above the highest ones of the nearest healthy recordings.
 
     A rise is that of the level or of the level relative to the spectrum, whichever is less, so that
@@ -190,16 +212,13 @@ def rises(own: PlainLines, healthy: Sequence[PlainLines]) -> tuple[pd.DataFrame,
 
     Returns
     -------
-    rises : DataFrame
+    DataFrame
         Rows as in `PlainLines`, of lines that all have. Columns [dB]: "rise", "mesh" (rise of the
         harmonic of the mesh) and "height".
-    speed : float
-        Nearest speed of these recordings [rad/s].
     """
     nearest = nearest_conditions(own, healthy)
     highest = pd.concat([run.levels for run in nearest]).groupby(level=[0, 1, 2]).max()
     above = (own.levels - highest).loc[own.levels.index.intersection(highest.index)]
     above["rise"] = above[["level", "relative"]].min(axis=1)
     above["height"] = own.levels["height"]
-    speed = min((run.speed for run in nearest), key=lambda speed: abs(speed - own.speed))
-    return above[["rise", "mesh", "height"]], speed
+    return above[["rise", "mesh", "height"]]

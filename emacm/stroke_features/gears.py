@@ -16,7 +16,7 @@ from emacm._statements import warn
 from emacm.recordings.inputs import for_each
 from emacm.resampling.angle_recording import as_angle_recordings
 from emacm.stroke_features.statistics import normalized_moment
-from emacm.stroke_features.transformer import MAX_COLUMNS, StrokeFeatures, StrokeSignal
+from emacm.stroke_features.transformer import StrokeFeatures, StrokeSignal
 
 Array = NDArray[np.float64]
 
@@ -126,8 +126,6 @@ class SynchronousAverage(_RevolutionFeatures):
     """
 
     def _feature_names(self) -> list[str]:
-        if self._n_samples > MAX_COLUMNS:
-            raise ValueError(f"{self._n_samples} samples per revolution are too many columns.")
         return [f"average{k}" for k in range(self._n_samples)]
 
     def _features(self, strokes: Sequence[StrokeSignal]) -> Array:

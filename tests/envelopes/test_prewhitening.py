@@ -175,17 +175,6 @@ def test_a_long_recording_is_never_held_as_a_whole():
         assert peak < sound.nbytes
 
 
-def test_the_order_of_impacts_under_a_resonance_and_a_gear_stands_in_the_envelope():
-    run = recording(impacts(period=313) + 5 * coloured(1) / coloured(1).std() * 0.02)
-    order = FS / 313 / (63.0 / TURN)
-    chain = make_pipeline(
-        CepstralPrewhitening(), EnvelopeDetector((300, 3200)), OrderResampler(), OrderPSD(10)
-    )
-    power = np.asarray(chain.fit_transform([run]))[0]
-    orders = chain[-1].orders_
-    assert orders[power.argmax()] == pytest.approx(order, abs=0.1)
-
-
 @pytest.mark.parametrize(
     ("options", "X", "error", "match"),
     [

@@ -32,11 +32,9 @@ GOOD = {
     "a slow tone of 12 bits": np.round(500 * np.sin(2 * np.pi * 0.5 * TIMES)) / 500,
     "a slow tone of 4 bits": np.round(8 * np.sin(2 * np.pi * 3 * TIMES)),
     "noise of 3 bits": np.round(NOISE),
-    "a position that rests at both ends": np.clip(
-        np.round(3000 * np.cumsum(np.sin(2 * np.pi * 0.7 * TIMES))), 0, None
-    )
-    * 0
-    + np.round(500 * np.tanh(3 * np.sin(2 * np.pi * 0.7 * TIMES))),
+    "a position that rests at both ends": np.round(
+        500 * np.tanh(3 * np.sin(2 * np.pi * 0.7 * TIMES))
+    ),
     "a switch": (np.sin(2 * np.pi * 3 * TIMES) > 0.3).astype(float),
     "three voltages": np.round(1.4 * np.sin(2 * np.pi * 30 * TIMES)),
     "a staircase": np.repeat(NOISE[::50], 50),

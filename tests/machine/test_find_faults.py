@@ -142,12 +142,12 @@ def healthy_at_900_rpm():
     return healthy_scores([ring_fault(None, seed, 1.0) for seed in range(20, 24)], BEARING)
 
 
-@pytest.mark.parametrize("factor", [1.0, 0.96, 1.05, 1.07])
+@pytest.mark.parametrize("factor", [1.0, 0.96, 1.07])
 def test_a_wrong_speed_is_noticed_with_healthy_recordings_too(factor, healthy_at_900_rpm):
-    faults = ["BPFO", "BPFI"] * 6
+    faults = ["BPFO", "BPFI"] * 3
     runs = [ring_fault(fault, seed, factor) for seed, fault in enumerate(faults)]
     found = find_faults(runs, BEARING, healthy=healthy_at_900_rpm)
-    assert found["named"].tolist() == (faults if factor == 1.0 else ["not assessed"] * 12)
+    assert found["named"].tolist() == (faults if factor == 1.0 else ["not assessed"] * 6)
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.05])
@@ -196,15 +196,9 @@ def test_a_wrong_geometry_is_stated_by_the_corrected_speed():
     assert asked == pytest.approx(1.05 * 60 * running().velocity.mean() / TURN, rel=0.005)
 
 
-def test_the_sentence_tells_the_sidebands_of_the_shaft():
-    found = find_faults([running("BPFI", strength=2), running("BPFO")], BEARING)["explanation"]
-    assert "with shaft sidebands: inner ring" in found[0]
-    assert "sidebands" not in found[1]
-
-
 @pytest.mark.slow
 def test_machines_without_a_fault_are_rarely_named():
-    runs = [running(seed=seed) for seed in range(40)]
+    runs = [running(seed=seed, seconds=2) for seed in range(40)]
     found = find_faults(runs, BEARING)
     assert (found["named"] != "none").sum() <= 1  # at a false alarm rate of 1 % or less
     assert found["explanation"].str.startswith("no fault: ").sum() >= 39
@@ -353,7 +347,7 @@ def test_the_rings_of_the_mfpt_rig_are_named_and_its_healthy_bearings_are_not():
         assert len(names) == 7
         runs = [
             Recording(
-                {"casing": stored[f"{name}/gs"].ravel()},
+                {"casing": stored[f"{name}/gs"].ravel()[: int(3 * stored[f"{name}/fs"])]},
                 float(stored[f"{name}/fs"]),
                 velocity=TURN * float(stored[f"{name}/rate"]),
             )

@@ -112,13 +112,6 @@ def test_broken_bars_stand_at_multiples_of_twice_the_slip_beside_the_supply():
             assert hertz == pytest.approx(factor * mains)
 
 
-def test_the_pole_pass_frequency_is_the_slip_times_the_number_of_poles():
-    # Four poles, 60 Hz, 1750 rpm: 50 rpm of slip times 4 poles = 200 per minute.
-    found = orders(InductionMotor(2, slip=50 / 1800), sidebands=1)
-    assert 1750 * found["pole pass"] == pytest.approx(200)
-    assert 1750 * found["shaft-pole pass"] == pytest.approx(1550)
-
-
 def test_rotor_slot_harmonics_agree_with_the_published_formula():
     # Nandi, Toliyat and Li: f_supply ((R ± n_d) (1 - s) / p ± 1), n_d = 1 if dynamic.
     pole_pairs, slip, bars, mains = 3, 0.035, 44, 50.0

@@ -39,9 +39,10 @@ def run_up(duration, damping):
     return Recording({"x": np.real(a * np.exp(1j * angle)) + noise}, FS, angle=angle), time, a
 
 
-def test_a_rotor_in_a_run_up_is_followed_through_its_resonance():
-    recording, time, a = run_up(20.0, 0.05)
-    track = order_track(recording, 1)
+@pytest.mark.parametrize(("damping", "revolutions", "latest"), [(0.05, 8, 1.03), (0.02, 4, 1.04)])
+def test_a_rotor_in_a_run_up_is_followed_through_its_resonance(damping, revolutions, latest):
+    recording, time, a = run_up(20.0, damping)
+    track = order_track(recording, 1, revolutions=revolutions)
     track = track[track["time"] > 4]  # the amplitude is 1.5 % of that at the resonance before
     exact = np.interp(track["time"], time, a.real) + 1j * np.interp(track["time"], time, a.imag)
     ratio = complex_of(track) / exact
@@ -49,7 +50,7 @@ def test_a_rotor_in_a_run_up_is_followed_through_its_resonance():
     assert np.abs(np.angle(ratio, deg=True)).max() < 0.5
     assert np.median(np.abs(np.abs(ratio) - 1)) < 1e-3
     highest = track["speed"].iloc[track["amplitude"].argmax()]
-    assert 1.0 < highest / CRITICAL < 1.03  # a run-up shows a resonance late
+    assert 1.0 < highest / CRITICAL < latest  # a run-up shows a resonance late
 
 
 def test_in_a_slow_run_up_amplitude_and_phase_are_those_of_the_steady_state():

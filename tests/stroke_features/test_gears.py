@@ -5,12 +5,8 @@ import pytest
 
 from emacm import GearIndicators, OrderResampler, Recording, SynchronousAverage
 from emacm.stroke_features.gears import (
-    fm0,
-    mesh_envelope,
-    mesh_orders,
     phase_modulation,
     residual_signal,
-    sideband_level,
 )
 from emacm.stroke_features.statistics import normalized_moment
 
@@ -50,11 +46,6 @@ def test_fm4_of_a_gaussian_signal_is_3_and_m6a_15():
     noise = np.random.default_rng(0).normal(2.0, 5.0, size=1_000_000)
     assert normalized_moment(noise, 4) == pytest.approx(3, rel=0.01)
     assert normalized_moment(noise, 6) == pytest.approx(15, rel=0.05)
-
-
-def test_fm0_of_a_pure_mesh_tone_is_2_whatever_its_amplitude():
-    angle = TURN * np.arange(3 * 64) / (3 * 64)
-    assert fm0(7 * np.cos(16 * angle), 16) == pytest.approx(2)
 
 
 def test_one_missing_tooth_raises_fm4_and_more_for_m6a():
@@ -159,14 +150,6 @@ def test_forward_and_reverse_flanks_are_apart():
     np.testing.assert_allclose(average.max(axis=1), [1, 3], rtol=0.01)
 
 
-def test_a_sideband_level_is_relative_to_the_rms():
-    angle = TURN * np.arange(256) / 256
-    average = 5 * (1 + 0.4 * np.cos(angle)) * np.cos(20 * angle)
-    rms = 5 * np.sqrt((1 + 0.4**2 / 2) / 2)
-    assert sideband_level(average, 20) == pytest.approx(5 * 0.4 / rms)
-    assert sideband_level(3 * average, 20) == pytest.approx(5 * 0.4 / rms)
-
-
 def test_the_difference_signal_lacks_mesh_and_first_sidebands_and_shaft():
     angle = TURN * np.arange(100) / 100
     kept = 0.2 * np.cos(3 * angle) + 0.1 * np.cos(14 * angle)
@@ -176,12 +159,6 @@ def test_the_difference_signal_lacks_mesh_and_first_sidebands_and_shaft():
     whole = kept + regular + sides
     np.testing.assert_allclose(residual_signal(whole, 12, sidebands=1), kept, atol=1e-12)
     np.testing.assert_allclose(residual_signal(whole, 12), kept + sides, atol=1e-12)
-
-
-def test_the_envelope_of_a_modulated_mesh_is_its_modulation():
-    angle = TURN * np.arange(200) / 200
-    modulation = 3 + np.cos(angle) + 0.5 * np.sin(4 * angle)
-    np.testing.assert_allclose(mesh_envelope(modulation * np.cos(20 * angle), 20), modulation)
 
 
 def test_a_silent_channel_gives_finite_indicators():
@@ -216,8 +193,3 @@ def test_what_cannot_be_averaged_is_refused():
 def test_invalid_teeth_are_refused(teeth, error, words):
     with pytest.raises(error, match=words):
         GearIndicators(teeth).fit(over_angle(gearbox(0)))
-
-
-def test_mesh_orders_stay_below_half_the_samples():
-    assert mesh_orders(13, 64).tolist() == [13, 26]
-    assert mesh_orders(13, 64, sidebands=1).tolist() == [12, 13, 14, 25, 26, 27]
