@@ -255,8 +255,8 @@ def published_bearings() -> pd.DataFrame:
     Where the source gives orders, as the table of Timken for ball bearings by the size of their
     outer ring does, the ratio of both diameters is derived from them; all published orders of the
     bearings listed agree with it. Two sizes of that table are left out: 305K contradicts itself,
-    306K repeats 304K. Series 72 is missing, because makers fill it differently: in the size of 7205,
-    SNFA (E 225) has 12 balls and GMN (S 6205) 13. For NU2 and 222, no source was found.
+    306K repeats 304K. Series 72 is missing, because makers fill it differently: in the size of
+    7205, SNFA (E 225) has 12 balls and GMN (S 6205) 13. For NU2 and 222, no source was found.
 
     Examples
     --------
