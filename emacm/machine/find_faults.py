@@ -521,7 +521,7 @@ def _risen(case: _Case, share: float = 1.0) -> _Finding | None:
         told = [(f"sidebands of {found} at {harmonic}x mesh are", row["rise"], mesh)]
     nearest = "speed" if plain.load is None else "speed and load"
     text = "; ".join(
-        f"{what} {rise:.0f} dB above the healthy recordings of the nearest {nearest}, in the order "
+        f"{what} {rise:.2g} dB above the healthy recordings of the nearest {nearest}, in the order "
         f"spectrum{cause}"
         for what, rise, cause in told
     )

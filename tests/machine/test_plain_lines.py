@@ -56,7 +56,7 @@ def test_sound_gears_are_not_named_at_any_load_or_gain(healthy):
 
 def test_the_sentence_tells_the_spectrum_and_how_far_the_mesh_itself_rose(healthy):
     row = find_faults([gearbox("pinion", load=2.0, depth=0.2)], PAIR, healthy=healthy).iloc[0]
-    start = "sidebands of pinion at 1x mesh are 8 dB above the healthy recordings of the nearest "
+    start = "sidebands of pinion at 1x mesh are 8.5 dB above the healthy recordings of the nearest "
     assert row["explanation"].startswith(f"{start}speed and load, in the order spectrum (the mesh")
 
 
