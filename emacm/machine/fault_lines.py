@@ -335,6 +335,38 @@ class LineLevels:
                 found[name] = float(np.median(peaks[places[inside]]))
         return found
 
+    def of_no_fault(self, psd: Array) -> tuple[float, list[float]]:
+        """Return the order of the highest impacts of no series, and the heights of three lines.
+
+        Their lines are 6 dB high, and 10 dB in the mean: so high is nothing in the recordings of
+        CWRU, MFPT and UESTC, healthy or damaged, in which the right bearing shows no fault.
+
+        Parameters
+        ----------
+        psd : ndarray of shape (1, n_orders)
+            Order spectrum.
+
+        Returns
+        -------
+        order : float
+            NaN if there are none.
+        heights : list of float
+            Of this order, and of two and three times it [dB].
+        """
+        peaks = _peaks(self.heights(psd))[0]
+        known = np.abs(self.orders - np.rint(self.orders)) <= 1.5 * self._step  # of the shaft
+        for order in (order for series in self.series for order in series.orders):
+            known |= np.abs(self.orders - order) <= max(self.slip * order, 2 * self._step)
+        first = np.arange(int(1.2 / self._step), len(peaks) // 3)
+        near = ndimage.maximum_filter1d(peaks, 3)
+        lines = np.stack([peaks[first], near[2 * first], near[3 * first]])
+        is_own = ~known[first] & (known[np.outer((2, 3), first)].sum(axis=0) < 2)
+        means = np.where(is_own & (lines.min(axis=0) >= 6.0), lines.mean(axis=0), 0.0)
+        best = int(means.argmax())
+        if means[best] < 10.0:
+            return np.nan, []
+        return float(self.orders[first[best]]), lines[:, best].tolist()
+
     def compare(self, psd: Array, levels: Array) -> tuple[Array, Array]:
         """Compare levels with those of background alone.
 

@@ -248,6 +248,20 @@ class Measured(NamedTuple):
                 return f"the mains may have lines at {line:.0f} Hz and multiples of it too"
         return ""
 
+    def of_no_part(self) -> str:
+        """State lines of impacts of no bearing, as of another size than stated, or ""."""
+        if np.isnan(self.rpm) or not all(line.slips for line in self.spectrum.lines.series):
+            return ""
+        spectrum = self.finer[-1]
+        order, heights = spectrum.lines.of_no_fault(spectrum.psd)
+        if not heights:
+            return ""
+        first, second, third = (f"{height:.0f}" for height in heights)
+        return (
+            f"; lines near {order:.2f} and multiples of it, {first}, {second} and {third} dB high, "
+            f"belong to no part that is stated: is the geometry right?"
+        )
+
     def speed_text(self, fault: Fault | None) -> str:
         """State the speed or geometry that fits the lines of a fault, or those of the shaft."""
         factor = 1 + (self.shift if fault is None else fault.slip)

@@ -553,6 +553,7 @@ def _suspected(case: _Case) -> _Finding:
     text = f"{suspected} is suspected: {_sentence(shown, case.faults)}{reason}"
     if not likely:
         text = f"no fault: highest {_sentence(shown, case.faults, named=False)}{reason}"
+        text += case.measured.of_no_part() if case.healthy is None else ""
     return _Finding(NONE, suspected, shown, text + _not_compared(case))
 
 

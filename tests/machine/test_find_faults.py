@@ -196,6 +196,14 @@ def test_a_wrong_geometry_is_stated_by_the_corrected_speed():
     assert asked == pytest.approx(1.05 * 60 * running().velocity.mean() / TURN, rel=0.005)
 
 
+def test_impacts_of_a_bearing_of_another_size_are_stated():
+    runs = [running("BPFO", slip=order / ORDERS["BPFO"] - 1) for order in (3.04, 4.2)]
+    small, large, own = find_faults([*runs, running()], BEARING)["explanation"]
+    assert re.search("lines near 3.0[2-6] .* belong to no part", small)
+    assert re.search("lines near 4.(1[89]|2[0-2]) .* belong to no part", large)
+    assert "belong to no part" not in own
+
+
 @pytest.mark.slow
 def test_machines_without_a_fault_are_rarely_named():
     runs = [running(seed=seed, seconds=2) for seed in range(40)]
