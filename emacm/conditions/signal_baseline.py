@@ -6,13 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
-import joblib
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import located
 from emacm.conditions.healthy import ConditionBaseline, check_healthy_rates
+from emacm.recordings.digests import content_digest
 from emacm.recordings.inputs import as_recordings, check_channels, described
 from emacm.recordings.meta import condition_name
 from emacm.recordings.recording import Recording
@@ -86,7 +86,7 @@ class AngleBaseline:
     name : str
         Condition of the recordings.
     digest : str
-        Of `theta_s` and `sections`; baselines with equal digests are equal.
+        SHA-256 of `theta_s` and `sections`; baselines with equal digests are equal.
     """
 
     theta_s: float = field(compare=False)
@@ -96,7 +96,11 @@ class AngleBaseline:
 
     def __post_init__(self) -> None:
         """Compute the digest at once, so that joblib gives equal baselines equal hashes."""
-        object.__setattr__(self, "digest", joblib.hash((self.theta_s, self.sections)))
+        ways = sorted(self.sections.items())
+        facts = [(way, [part.first for part in parts]) for way, parts in ways]
+        arrays = [part.signals for _, parts in ways for part in parts]
+        digest = content_digest(repr((self.theta_s, facts)), arrays)
+        object.__setattr__(self, "digest", digest)
 
     def __repr__(self) -> str:
         """Return name and digest; cached spectra are identified by this text."""
