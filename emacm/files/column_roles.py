@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from emacm._checks import check_signal, located
 from emacm._statements import warn
-from emacm.files.even_times import EvenTimes, Times, even_times
+from emacm.files.even_times import EvenTimes, even_times
 from emacm.files.file_columns import (
     FileColumns,
     is_rate_name,
@@ -117,7 +117,7 @@ def recording_arguments(
     if layout.fs is None and layout.time is not False:
         speed = float(np.max(np.abs(arguments.get("velocity", 0.0)))) / (2 * np.pi)
         for clock in {times, *channels.values()} & {times, *content.times} - {None}:
-            _seconds(content, layout, str(clock), None, speed)
+            _check_unit_of_times(content, layout, str(clock), speed)
     return arguments
 
 
@@ -126,20 +126,20 @@ def _stated_unit(content: FileColumns, layout: Layout, times: str) -> str:
     return layout.unit_of(times) or content.units.get(times, "") or time_unit_in_name(times)
 
 
-def _seconds(
-    content: FileColumns, layout: Layout, clock: str, fs: float | None, speed: float = 0.0
-) -> tuple[Times, float]:
-    """Return the times of a column of times, or those of a column that has its own [s].
+def _stated_times(content: FileColumns, layout: Layout, clock: str) -> tuple[NDArray[Any], str]:
+    """Return the times of a column of times, or of a column that has its own, and their unit."""
+    if clock in content.times:
+        return content.times[clock], layout.unit_of("time")
+    return content.columns[clock], _stated_unit(content, layout, clock)
 
-    Also, to what their type rounds them. Those without a stated unit are refused if their rate is
-    not credible in s.
-    """
-    values = content.times.get(clock, content.columns[clock])
-    is_own = clock in content.times
-    name = "time" if is_own else clock
-    stated = layout.unit_of("time") if is_own else _stated_unit(content, layout, clock)
-    found = seconds_of(values, stated or "s", clock)
-    unit = "" if stated or fs else unit_that_fits(values, speed)
+
+def _check_unit_of_times(
+    content: FileColumns, layout: Layout, clock: str, speed: float = 0.0
+) -> None:
+    """Refuse times without a stated unit if their rate is not credible in s."""
+    values, stated = _stated_times(content, layout, clock)
+    name = "time" if clock in content.times else clock
+    unit = "" if stated else unit_that_fits(values, speed)
     if unit:
         rate = (len(values) - 1) / float(values[-1] - values[0])
         raise ValueError(
@@ -148,7 +148,6 @@ def _seconds(
             f"{unit_word(unit)}? State the unit in the layout, also if it is s: units = "
             f"{{{name} = {unit!r}}}."
         )
-    return found
 
 
 def _check_starts(content: FileColumns, rates: Mapping[str, EvenTimes]) -> None:
@@ -384,7 +383,10 @@ def _rate_of_times(content: FileColumns, layout: Layout, clock: str, fs: float |
     """Return the rate of a column of times, or of a column that has its own."""
     if clock in content.defects and clock not in content.times:
         raise ValueError(f"time column {clock!r} {content.defects[clock]}.")
-    seconds, resolution = _seconds(content, layout, clock, fs)
+    values, stated = _stated_times(content, layout, clock)
+    seconds, resolution = seconds_of(values, stated or "s", clock)
+    if fs is None:
+        _check_unit_of_times(content, layout, clock)
     return even_times(seconds, clock, fs, resolution=resolution, resample=layout.resample)
 
 
