@@ -338,8 +338,8 @@ class LineLevels:
     def of_no_fault(self, psd: Array) -> tuple[float, list[float]]:
         """Return the order of the highest impacts of no series, and the heights of three lines.
 
-        Their lines are 6 dB high, and 10 dB in the mean: so high is nothing in the recordings of
-        CWRU, MFPT and UESTC, healthy or damaged, in which the right bearing shows no fault.
+        Their lines are 6 dB high, and 10 dB in the mean. None are so high in the recordings of
+        CWRU, MFPT and UESTC in which the right bearing shows no fault.
 
         Parameters
         ----------
@@ -355,8 +355,10 @@ class LineLevels:
         """
         peaks = _peaks(self.heights(psd))[0]
         known = np.abs(self.orders - np.rint(self.orders)) <= 1.5 * self._step  # of the shaft
-        for order in (order for series in self.series for order in series.orders):
-            known |= np.abs(self.orders - order) <= max(self.slip * order, 2 * self._step)
+        for series in self.series:
+            slip = self.slip if series.slips else 0.0
+            for order in series.orders:
+                known |= np.abs(self.orders - order) <= max(slip * order, 2 * self._step)
         first = np.arange(int(1.2 / self._step), len(peaks) // 3)
         near = ndimage.maximum_filter1d(peaks, 3)
         lines = np.stack([peaks[first], near[2 * first], near[3 * first]])

@@ -249,8 +249,12 @@ class Measured(NamedTuple):
         return ""
 
     def of_no_part(self) -> str:
-        """State lines of impacts of no bearing, as of another size than stated, or ""."""
-        if np.isnan(self.rpm) or not all(line.slips for line in self.spectrum.lines.series):
+        """State lines of impacts of no part, as of a bearing of another size than stated, or "".
+
+        Not beside gears and other shafts, which have lines without impacts.
+        """
+        series = self.spectrum.lines.series
+        if np.isnan(self.rpm) or not all(one.slips or one.orders[0] % 1 == 0 for one in series):
             return ""
         spectrum = self.finer[-1]
         order, heights = spectrum.lines.of_no_fault(spectrum.psd)
@@ -324,7 +328,7 @@ def _of_recording(number: int, stated: Recording, levels: FaultLines) -> Iterato
     paths = recording.paths()
     speed = sum(path.length for path in paths) / sum(path.n_times for path in paths)
     rpm = speed * recording.shaft_fs * 30 / np.pi
-    plain = measure_plain_lines(recording, levels, int(_longest_stroke(recording)))
+    plain = measure_plain_lines(recording, levels, int(longest_stroke(recording)))
     for channel in by_length[0]:
         mean = float(np.mean(envelope[0].signals[channel]))
         spectrum, *finer = (spectra[channel][0]._replace(mean=mean) for spectra in by_length)
@@ -369,7 +373,7 @@ def _in_bands(
 
 def _check_lines_are_inside(recording: Recording, top: float, channels: Any) -> None:
     """Raise a ValueError if a recording is too short, or a sampling rate too low for the lines."""
-    n_revolutions = _longest_stroke(recording)
+    n_revolutions = longest_stroke(recording)
     fastest = np.abs(recording.velocity).max() / (2 * np.pi)
     speed = f"its speed (at most {60 * fastest:.4g} rpm)"
     if n_revolutions < 10:
@@ -390,7 +394,7 @@ def _check_lines_are_inside(recording: Recording, top: float, channels: Any) -> 
             )
 
 
-def _longest_stroke(recording: Recording) -> float:
+def longest_stroke(recording: Recording) -> float:
     """Return the length of the longest stroke [revolutions]."""
     return max((path.length for path in recording.paths()), default=0.0) / (2 * np.pi)
 
@@ -404,7 +408,7 @@ def _at_other_speed(recording: Recording, shift: float) -> Recording:
 
 def _order_spectra(over_angle: Any, recording: Recording, revolutions: int, top: float) -> Any:
     """Return the order spectra of segments that are no longer than the recording."""
-    length = min(revolutions, int(_longest_stroke(recording)))
+    length = min(revolutions, int(longest_stroke(recording)))
     return OrderPSD(length, max_order=top).fit_transform(over_angle)
 
 
