@@ -19,6 +19,7 @@ from emacm.files.drafts import contents_of, draft_layout
 from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.machine.fault_orders import fault_orders
+from emacm.machine.fault_spectra import longest_stroke
 from emacm.machine.find_faults import find_faults
 from emacm.machine.healthy_scores import healthy_scores
 from emacm.machine.rolling import bearing_of, designation_in, published_bearings
@@ -152,7 +153,7 @@ def _draw(
     FaultLinesDisplay.from_recording(recording, parts, channel=channel, ax=below)
     known = 0.4 * recording.fs[channel] * 2 * np.pi / np.abs(recording.velocity).max()
     top = min(known, max(1.2 * lines["order"].max(), below[0].get_xlim()[1]))
-    length = min(64, int(max(path.length for path in recording.paths()) / (2 * np.pi)))
+    length = min(64, int(longest_stroke(recording)))
     spectrum = make_pipeline(*order_levels(top, length, 0.0)[:2]).fit([recording])
     marks: dict[str, Any] = {"fault_orders": lines[lines["order"] > 0.1], "max_order": top}
     OrderSpectrumDisplay.from_estimator(spectrum, [recording], channel, ax=above, **marks)

@@ -92,8 +92,10 @@ def _train(options: argparse.Namespace) -> None:
             break
     if len(tried) > 1:
         costs = " and ".join(f"{cost:.3g}" for cost, _ in tried)
-        print(f"Realised costs on new units: {costs}. The lower one is kept, a choice that these")
-        print("recordings make and judge. --max-order states one.")
+        print(
+            f"Realised costs on new units: {costs}. The lower one is kept: it was chosen on these"
+        )
+        print("recordings, and may be higher on others. --max-order states one of them.")
     _, (evaluation, model, features) = min(tried, key=lambda one: one[0])
     for caveat in evaluation.caveats:
         print(f"- {caveat}")

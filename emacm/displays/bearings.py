@@ -17,6 +17,7 @@ from emacm.envelopes.kurtogram import Kurtogram, kurtogram
 from emacm.machine.bearing_recipe import bearing_recipe
 from emacm.machine.fault_lines import LineLevels, resolved
 from emacm.machine.fault_orders import Parts, fault_series, only_damage
+from emacm.machine.fault_spectra import longest_stroke
 from emacm.orders.columns import column_names, parse_order_columns
 from emacm.recordings.recording import Recording
 
@@ -113,8 +114,7 @@ class FaultLinesDisplay(Display):
             If an option is invalid, there is no such channel, or the recording is too short.
         """
         chosen = _tables.chosen_channels(recording, channel and [channel])[0]
-        longest = max((path.length for path in recording.paths()), default=0.0) / (2 * np.pi)
-        length = min(25, max(1, int(longest)))  # as `find_faults`
+        length = min(25, max(1, int(longest_stroke(recording))))  # as `find_faults`
         recipe = bearing_recipe(only_damage(parts), channels=[chosen], revolutions=length)
         table = recipe[:-1].fit_transform([recording])
         (block,) = parse_order_columns(column_names(table) or ()) or ()
@@ -153,7 +153,7 @@ class FaultLinesDisplay(Display):
             places = np.rint((lines["found"].to_numpy() - self.orders[0]) / step).astype(int)
             near = np.clip(places[:, np.newaxis] + [-1, 0, 1], 0, len(self.orders) - 1)
             tops = near[np.arange(len(near)), self.spectrum[near].argmax(axis=1)]
-            heights = " ".join(f"{height:.0f}" for height in lines["height"])
+            heights = " ".join(f"{height:z.0f}" for height in lines["height"])
             marker = _drawing.style_of(_drawing.MARKERS, number)
             style = {"color": _drawing.colour_of(number), "label": f"{fault.name}: {heights} dB"}
             top = _drawing.decibels(self.spectrum[tops])

@@ -102,7 +102,7 @@ class DomainDisplay(Display):
             look["marker"] = drawing.style_of(drawing.MARKERS, number)
             look["linewidth"] = 12 / (3 + len(numbers))
             ax.plot(ends, np.stack([heights] * 2), **look)[0].set_label(name)
-        ax.set(xlabel="speed of the shaft [rpm]", ylabel=self.condition or "state")
+        drawing.label_axes(ax, "speed of the shaft [rpm]", self.condition or "state")
         if not self.condition:
             ax.set_yticks(width * (np.arange(len(numbers)) - (len(numbers) - 1) / 2), numbers)
         elif len(known) <= 8:

@@ -195,7 +195,7 @@ class EvaluationDisplay(Display):
         rows = [drawing.wrapped(name) for name in self.confusion.index]
         panel.set_yticks(range(len(counts)), rows, **style)
         panel.tick_params(length=0)
-        panel.set(xlabel="true class", ylabel="decision")
+        drawing.label_axes(panel, "true class", "decision")
         self._title(panel, "recordings, shaded by\nthe share of each true class")
 
     def _draw_reliability(self, panel: Any, curve: pd.DataFrame) -> None:

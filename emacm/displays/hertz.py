@@ -27,7 +27,7 @@ def draw_spectra(
         tops.append(min(_frequency(recording, highest), frequency[-1]))
     ax.set_xlim(0, max(tops))
     unit = next(iter(recordings.values())).units.get(channel, "unit")
-    ax.set(xlabel="frequency [Hz]", ylabel=f"PSD [dB re 1 {drawing.squared(unit)}/Hz]")
+    drawing.label_axes(ax, "frequency [Hz]", f"PSD [dB re 1 {drawing.squared(unit)}/Hz]")
 
 
 def draw_map(recording: Recording, display: OrderMapDisplay, highest: float, ax: Any) -> None:

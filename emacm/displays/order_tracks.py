@@ -139,11 +139,11 @@ class OrderTrackDisplay(Display):
     def _draw_polar(self, ax: Any, lines: dict[float, pd.DataFrame]) -> Any:
         if ax is None:
             columns = min(len(lines), 2)
-            rows = -(-len(lines) // columns)
-            size = (drawing.WIDTH, drawing.WIDTH / columns * rows)
+            n_rows = -(-len(lines) // columns)
+            size = (drawing.WIDTH, drawing.WIDTH / columns * n_rows)
             figure = drawing.pyplot().figure(figsize=size, layout="constrained")
             places = range(1, 1 + len(lines))
-            axes = [figure.add_subplot(rows, columns, n, projection="polar") for n in places]
+            axes = [figure.add_subplot(n_rows, columns, n, projection="polar") for n in places]
         else:
             axes = list(drawing.panel_axes(ax, len(lines)))
         for panel, (number, (order, rows)) in zip(axes, enumerate(lines.items(), 1), strict=True):

@@ -347,16 +347,16 @@ def _doubt_statements(doubtful: Angle, kept: Angle, speeds: Angle) -> tuple[Stat
     turning = np.minimum(speeds[:-4] - speeds[1:-3], speeds[4:] - speeds[3:-1]) > np.log(1.25)
     lowest = minimum_filter1d(np.minimum(speeds, -np.log(np.diff(kept))), 3)[2:-2]
     turning &= np.minimum(speeds[:-4], speeds[4:]) - lowest > np.log(1.7)
-    times = kept[2:-3][turning] if turning.any() else doubtful
+    kind, times = "tachometer", doubtful
+    found = "changes so suddenly that missing and double pulses cannot be told from it"
+    if turning.any():
+        kind, times = "reversal", kept[2:-3][turning]
+        found = "falls and rises again as where the shaft reverses, and pulses do not show the "
+        found += "direction"
     if not len(times):
         return ()
-    place = f"at {times[0]:.4g} s ({len(times)} places in all) the speed"
-    kind = "reversal" if turning.any() else "tachometer"
-    text = f"{place} changes so suddenly that missing and double pulses cannot be told from it"
-    if turning.any():
-        text = f"{place} falls and rises again as where the shaft reverses, and pulses do not show "
-        text += "the direction"
-    text += ": the number of turns is not known"
+    place = f"at {times[0]:.4g} s ({len(times)} places in all)"
+    text = f"{place} the speed {found}: the number of turns is not known"
     return (Statement(kind, "", text, True, len(times), 0),)
 
 
