@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy  # scipy.signal takes a tenth of a second to import, so it is imported on first use
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 Array = NDArray[np.floating]
@@ -109,35 +110,22 @@ def _weights(
 ) -> tuple[Array, NDArray[np.intp]]:
     """Return the weights of four grid points, shape (4, n_times), and the lowest of the points.
 
-    `near` is the angle travelled at the samples and at one more on either side. Most of the time
-    is spent on memory, so arrays are changed in place.
+    `near` is the angle travelled at the samples and at one more on either side.
     """
-    position = scale * near[1:-1]
-    position += offset
-    width = near[2:] - near[:-2]
-    width *= 0.5 * abs(scale)
+    position = scale * near[1:-1] + offset
+    width = (near[2:] - near[:-2]) * (0.5 * abs(scale))
     cell = np.floor(position)
     outside = (cell < 1) | (cell >= n_points - 2)
-    if outside.any():
-        width[outside] = 0.0
-        cell[outside] = position[outside] = 1.0
-    position -= cell
-    position -= 0.5
-    square = position * position
-    weights, even, odd = np.empty((4, len(square))), np.empty_like(square), np.empty_like(square)
-    for k, part in enumerate(kernel):
-        for share, powers in ((even, part[4::-2]), (odd, part[5::-2])):
-            np.multiply(square, powers[0], out=share)
-            share += powers[1]
-            share *= square
-            share += powers[2]
-        odd *= position
-        even *= width
-        odd *= width
-        np.add(even, odd, out=weights[k])
-        np.subtract(even, odd, out=weights[3 - k])
-    cell -= 1
-    return weights, cell.astype(np.intp)
+    width[outside] = 0.0
+    cell[outside] = position[outside] = 1.0
+    place = position - cell - 0.5
+    square = place * place
+    weights = np.empty((4, len(place)))
+    for k, (c0, c1, c2, c3, c4, c5) in enumerate(kernel):
+        even = ((c4 * square + c2) * square + c0) * width
+        odd = ((c5 * square + c3) * square + c1) * place * width
+        weights[k], weights[3 - k] = even + odd, even - odd
+    return weights, cell.astype(np.intp) - 1
 
 
 def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int) -> Array:
@@ -251,15 +239,9 @@ def set_segments(
         What is set.
     """
     part = signals[:, first : first + (segments.shape[1] - 1) * step + len(window)]
-    row, sample = part.strides
-    cut = np.lib.stride_tricks.as_strided(
-        part, segments.shape, (row, step * sample, sample), writeable=False
-    )
-    if remove_mean:
-        np.subtract(cut, cut.mean(axis=-1, keepdims=True), out=segments)
-        segments *= window
-    else:
-        np.multiply(cut, window, out=segments)
+    cut = sliding_window_view(part, len(window), axis=1)[:, ::step]
+    mean = cut.mean(axis=-1, keepdims=True) if remove_mean else 0.0
+    np.multiply(cut - mean, window, out=segments)
 
 
 def add_powers(transforms: NDArray[np.complexfloating], total: Array) -> None:
