@@ -356,7 +356,7 @@ def check_alike(
         if theta_s is None or not isclose(row.theta_s, theta_s, rel_tol=1e-12):
             raise ValueError(
                 f"{described(row, index)} was resampled with theta_s = {row.theta_s!r}, but "
-                f"{who} was fitted on {theta_s!r}. Use the same theta_s, or fit again."
+                f"{who} has {theta_s!r}. Use the same theta_s, or fit again."
             )
         if by_direction and row.direction == "travel":
             raise ValueError(

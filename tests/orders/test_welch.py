@@ -48,7 +48,7 @@ def assert_same_spectrum(ours, theirs):
 @pytest.mark.parametrize("length", [255, 256])
 @pytest.mark.parametrize("scaling", ["density", "spectrum"])
 @pytest.mark.parametrize("average", ["mean", "median"])
-@pytest.mark.parametrize("detrend", ["constant", "linear", False])
+@pytest.mark.parametrize("detrend", ["constant", False])
 def test_the_order_spectrum_is_that_of_welch(length, scaling, average, detrend):
     signal = noise(2, 5000) + 3
     options = {"scaling": scaling, "average": average, "detrend": detrend}
@@ -62,12 +62,6 @@ def test_every_window_is_that_of_welch(window, length):
     signal = noise(3000)
     ours = order_psd(signal, 50, n_per_segment=length, window=window)
     assert_same_spectrum(ours, filters.welch(signal, 50, window=window, nperseg=length))
-
-
-def test_a_window_may_be_an_array_as_in_welch():
-    signal, window = noise(3000), np.linspace(0.1, 1, 100)
-    ours = order_psd(signal, 50, n_per_segment=100, window=window)
-    assert_same_spectrum(ours, filters.welch(signal, 50, window=window))
 
 
 @given(
