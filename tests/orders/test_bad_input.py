@@ -113,7 +113,7 @@ CASES = [
         "theta_s of zero for rows",
         lambda: OrderPSD(theta_s=0).fit(np.ones((2, 300))),
         V,
-        "theta_s|above 0",
+        "theta_s|at least 1e-05",
     ),
     Case(
         "another theta_s than that of fit",
@@ -147,11 +147,7 @@ CASES = [
     ),
     Case(
         "recordings after a fit on rows",
-        lambda: (
-            OrderPSD(100)
-            .fit(np.ones((2, 300)))
-            .transform(over_angle([run(), run()]))
-        ),
+        lambda: OrderPSD(100).fit(np.ones((2, 300))).transform(over_angle([run(), run()])),
         V,
         "recordings over shaft angle|fitted on plain rows",
     ),

@@ -89,7 +89,7 @@ def test_an_amplitude_that_changes_evenly_is_found_in_the_middle_of_each_segment
     turns = np.arange(64 * 40) / 64
     wave = np.exp(2j * np.pi * 3 * turns)
     signal = np.real((1 + 0.2j * turns + 0.01 * turns**2) * wave) + np.cos(2 * np.pi * 5 * turns)
-    middles, found = order_components([signal, 2 * signal], 64, [3, 5], overlap=0)
+    middles, found = order_components([signal, 2 * signal], 64, [3, 5])
     expected = 1 + 0.2j * middles + 0.01 * middles**2
     np.testing.assert_allclose(found[:, 0], [expected, 2 * expected], rtol=1e-9)
     np.testing.assert_allclose(found[0, 1], 1, rtol=1e-9)

@@ -420,17 +420,6 @@ def test_interpolation_passes_over_a_shaft_that_stands_still():
     np.testing.assert_allclose(resampled, angles, atol=1e-12)
 
 
-# Errors
-
-
-@pytest.mark.parametrize("resample", [spread_to_angle, interpolate_to_angle])
-def test_a_theta_s_that_would_make_too_many_samples_is_refused(resample):
-    _, path = steady(20.0, 1000.0, 1.0)
-    message = r"would make .* samples of a stroke of 20 rev.*2 \* np.pi / 128"
-    with pytest.raises(ValueError, match=message):
-        resample(np.zeros(1000), 1000.0, path, theta_s=1e-12)
-
-
 @pytest.mark.parametrize("direction", ["strokes", "forward", "reverse"])
 def test_a_tone_has_its_power_in_either_direction(direction):
     recording = Recording(
