@@ -174,13 +174,10 @@ def _upsample(signal, phases, first, outputs):
         count = (len(outputs) - start - 1) // factor + 1
         part = signal[(first + start) // factor - 16 :]
         for i in range(count):
-            total = taps[1] * part[i + 1]
-            for k in range(2, 33):  # of constant length, so that the loop over i is vectorised
+            total = taps[0] * part[i]
+            for k in range(1, 33):  # of constant length, so that the loop over i is vectorised
                 total += taps[k] * part[i + k]
             line[i] = total
-        if phase == 0:  # where new samples meet old ones, a tap more
-            for i in range(count):
-                line[i] += taps[0] * part[i]
         for i in range(count):
             outputs[start + i * factor] = line[i]
 

@@ -40,11 +40,8 @@ def integrate(velocity: Array, half_step: float, start: float) -> Array:
         Angle [rad], accumulated sample by sample, so that a part of it equals a cumulative sum over
         the whole velocity bit for bit.
     """
-    speed, angle = velocity.astype(np.float64), np.empty(len(velocity))
-    angle[0] = start
-    np.add(speed[1:], speed[:-1], out=angle[1:])
-    angle[1:] *= half_step
-    return np.cumsum(angle, out=angle)
+    speed = velocity.astype(np.float64)
+    return np.cumsum(np.append(start, (speed[1:] + speed[:-1]) * half_step))
 
 
 def resample(
@@ -215,9 +212,7 @@ def interpolate_linear(
     weights = np.where(weights > 0, np.minimum(weights, 1), 0)
     for signal, value in zip(signals, values, strict=True):
         before = signal[left].astype(np.float64, copy=False)
-        np.subtract(signal[1:][left], before, out=value)
-        value *= weights
-        value += before
+        value[:] = before + weights * (signal[1:][left] - before)
 
 
 def set_segments(

@@ -32,7 +32,6 @@ from emacm.recordings.inputs import as_list, described, refuse_single, run
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import (
     AngleRecording,
-    are_over_angle,
     as_angle_recordings,
     check_alike,
     separates_directions,
@@ -185,8 +184,6 @@ class OrderPSD(WelchEstimator):
         TypeError, ValueError
             If a parameter or X is invalid.
         """
-        for seen in ("n_features_in_", "feature_names_in_"):
-            self.__dict__.pop(seen, None)  # of an earlier fit on a table
         rows = self._checked(X, reset=True)
         self.by_direction_ = separates_directions(self.by_direction, rows)
         self._over_angle = isinstance(rows[0], AngleRecording)
@@ -256,8 +253,6 @@ class OrderPSD(WelchEstimator):
 
     def _checked(self, X: Any, *, reset: bool) -> Sequence[Any]:
         """Return the rows of X: recordings over shaft angle, or 1-D arrays."""
-        if are_over_angle(X):
-            return list(X)
         rows = as_list(X) if isinstance(X, str | PurePath | Sequence) else []
         if any(isinstance(row, AngleRecording | Recording | str | PurePath) for row in rows):
             return as_angle_recordings(rows, "OrderPSD")

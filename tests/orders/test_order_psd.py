@@ -1,11 +1,10 @@
 """Facts about OrderPSD: directions, axes, precision, range, short recordings, defaults."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy import signal as filters
 
-from emacm import BinTransformer, OrderCrossSpectrum, OrderPSD, OrderResampler, Recording
+from emacm import OrderCrossSpectrum, OrderPSD, OrderResampler, Recording
 from emacm.orders.segment_plan import SegmentPlan, padded_lines
 from emacm.orders.welch import order_psd, samples_per_revolution
 
@@ -114,16 +113,6 @@ def test_a_channel_without_any_variation_has_no_power_and_is_not_refused(level):
     half = len(power) // 2
     assert power[half:].max() <= 1e-15 * level**2  # of resampling
     assert power[:half].min() > 0
-
-
-def test_bins_that_overflow_are_refused_with_recording_and_column():
-    columns = [f"{channel}@{order}" for channel in ("z", "a") for order in (0, 10, 20)]
-    psd = pd.DataFrame([[1.0] * 6, [1.0] * 3 + [1e308] * 3], columns=columns)
-    with pytest.raises(ValueError, match=r"recording 1, bin 'a@0-20'.*float64.*other units"):
-        BinTransformer(20, max_order=20).fit_transform(psd)
-    bins = BinTransformer(20, max_order=20).fit(psd.clip(upper=2.0))
-    with pytest.raises(ValueError, match=r"recording 1, bin 'a@0-20'.*float32.*other units"):
-        bins.transform(psd.clip(upper=1e38).astype(np.float32))
 
 
 # Short recordings
