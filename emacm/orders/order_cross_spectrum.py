@@ -174,7 +174,7 @@ def cross_averages(
         How signals are cut; its `average` has no effect, the mean is used.
     segments : iterable of (lines, weight)
         What its `lines_of` or `padded_lines` yield for signals, such as the strokes of a
-        recording; read one at a time.
+        recording, at least one segment; read one at a time.
     pairs : sequence of (int, int)
         Input and output channel of each pair.
     channels : sequence of str
@@ -183,11 +183,6 @@ def cross_averages(
     Returns
     -------
     CrossAverages
-
-    Raises
-    ------
-    ValueError
-        If there is no segment.
 
     References
     ----------
@@ -203,8 +198,6 @@ def cross_averages(
             [np.einsum("so,so->o", lines[x].conj(), lines[y]) for x, y in pairs]
         )
         total, n_segments = total + weight, n_segments + lines.shape[1]
-    if not n_segments:
-        raise ValueError(f"no signal holds a segment of {plan.n_per_segment} samples.")
     scale = plan.sides / total
     return CrossAverages(power * scale, cross * scale, tuple(pairs), n_segments, channels)
 

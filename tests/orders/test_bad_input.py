@@ -12,12 +12,6 @@ def psd_after_fit(X):
 
 CASES = [
     Case(
-        "recordings over time",
-        lambda: psd([run(meta={"unit": "A"})]),
-        T,
-        "recording 0 (unit='A')|over time",
-    ),
-    Case(
         "a recording over time among others",
         lambda: psd([*over_angle(), run()]),
         T,
@@ -46,12 +40,6 @@ CASES = [
         lambda: psd(over_angle([forward_only()]), by_direction=True, short="pad"),
         V,
         "recording 0 (unit='F7')|no reverse stroke",
-    ),
-    Case(
-        "a shorter row than those of fit",
-        lambda: OrderPSD(100).fit(np.ones((2, 300))).transform([np.ones(299), np.ones(10)]),
-        V,
-        "row 1|100 samples",
     ),
     Case(
         "revolutions too short for a segment",
@@ -104,12 +92,6 @@ CASES = [
     Case("a window given as an array", lambda: psd(window=np.ones(64)), V, "window|get_window"),
     Case("negative max_order", lambda: psd(max_order=-1), V, "max_order|orders"),
     Case(
-        "theta_s that contradicts the recordings",
-        lambda: psd(theta_s=0.1),
-        V,
-        "recording 0 was resampled|OrderPSD has 0.1",
-    ),
-    Case(
         "theta_s of zero for rows",
         lambda: OrderPSD(theta_s=0).fit(np.ones((2, 300))),
         V,
@@ -120,12 +102,6 @@ CASES = [
         lambda: psd_after_fit(over_angle(theta_s=0.1)),
         V,
         "recording 0|theta_s = 0.1",
-    ),
-    Case(
-        "two steps in one list",
-        lambda: psd([*over_angle(), *over_angle(theta_s=0.1)]),
-        V,
-        "recording 2|theta_s = 0.1",
     ),
     Case(
         "other channels than those of fit",
@@ -144,12 +120,6 @@ CASES = [
         lambda: psd_after_fit(np.ones((2, 300))),
         (V, T),
         "recordings|rows",
-    ),
-    Case(
-        "recordings after a fit on rows",
-        lambda: OrderPSD(100).fit(np.ones((2, 300))).transform(over_angle([run(), run()])),
-        V,
-        "recordings over shaft angle|fitted on plain rows",
     ),
     Case(
         "directions of a travel",

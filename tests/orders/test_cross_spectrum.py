@@ -59,15 +59,6 @@ def test_the_cross_spectrum_is_that_of_scipy(length, detrend, scaling):
     assert_same(ours, filters.csd(x, y, 60, nperseg=length, **options))
 
 
-@pytest.mark.parametrize("length", [100, 129])
-def test_the_coherence_is_that_of_scipy(length):
-    x, y = noise(2, 4000)
-    y += x
-    ours = coherence(x, y, 60, n_per_segment=length)
-    theirs = filters.coherence(x, y, 60, nperseg=length)
-    np.testing.assert_allclose(ours[1], theirs[1], rtol=1e-12)
-
-
 def test_the_cross_spectrum_of_a_signal_with_itself_is_its_power_spectrum():
     x = noise(3000)
     csd = cross_spectrum(x, x, 50, revolutions=4)[1]

@@ -216,13 +216,6 @@ def test_short_recordings_are_padded_on_demand():
         OrderCrossSpectrum(short="pad", kind="coherence").fit_transform(rows)
 
 
-def test_a_missing_direction_is_said():
-    rows = RESAMPLER.fit_transform([short_run()])
-    message = "no reverse stroke of two samples. Leave it out, or set by_direction=False"
-    with pytest.raises(ValueError, match=message):
-        OrderCrossSpectrum(4, by_direction=True).fit_transform(rows)
-
-
 def test_a_missing_channel_is_named_with_the_recording(over_angle):
     fitted = OrderCrossSpectrum(4, pairs=[("current", "error")]).fit(over_angle)
     less = OrderResampler(TURN / 32, channels=["torque", "current"], min_speed=1.0)
