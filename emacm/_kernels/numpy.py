@@ -87,15 +87,10 @@ def resample(
     for start, used, n_outputs in zip(range(0, n_times, part), n_points, ready, strict=True):
         stop = min(start + part, n_times)
         weights, cells = _weights(near[start : stop + 2], scale, offset, kernel, used)
-        low, high = int(cells.min()), int(cells.max())
-        cells -= low
-        n_cells = high - low + 1
         for signal, mean, line in zip(signals, means, grid, strict=True):
             values = np.subtract(signal[start:stop], mean, dtype=np.float64)
-            added = np.zeros(n_cells + 3)
             for k in range(4):
-                added[k : k + n_cells] += np.bincount(cells, weights[k] * values, n_cells)
-            line[low : high + 4] += added
+                line += np.bincount(cells + k, weights[k] * values, len(line))
         if n_outputs:
             decimate(grid, used, lowpass, means, (outputs, done), n_outputs)
             done += n_outputs

@@ -97,8 +97,7 @@ class AngleRecording:
     @property
     def settings(self) -> tuple[Any, ...]:
         """All that the strokes depend on besides the recording."""
-        names = (item.name for item in fields(self) if item.compare and item.name != "measured")
-        return tuple(getattr(self, name) for name in names)
+        return tuple(getattr(self, item.name) for item in fields(self)[1:])
 
     @property
     def flat_order(self) -> float:
