@@ -201,8 +201,9 @@ class OrderPSD(WelchEstimator):
                 self._set_plan(1.0, n_per_segment=shortest)
         self.order_step_ = self.plan_.order_step
         self._columns_out = self._column_names()
-        self._names_in = getattr(self, "feature_names_in_", None)
-        self._n_in = len(self.channels_) if self._over_angle else vars(self).get("n_features_in_")
+        seen = {} if self._over_angle else vars(self)
+        self._names_in = seen.get("feature_names_in_")
+        self._n_in = len(self.channels_) if self._over_angle else seen.get("n_features_in_")
         return self
 
     def transform(self, X: Any) -> NDArray[np.floating]:
