@@ -7,6 +7,7 @@ They have no branch and no variable offset inside, so that the compiler can vect
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -34,12 +35,7 @@ def compiled(function: Any, *, reordered: bool = True) -> Any:
         return njit(nogil=True, fastmath=order)(function)
 
 
-def compiled_exactly(function: Any) -> Any:
-    """Compile so that every sum keeps its order."""
-    return compiled(function, reordered=False)
-
-
-@compiled_exactly
+@partial(compiled, reordered=False)
 def integrate(velocity, half_step, start):
     angle = np.empty(len(velocity))
     angle[0] = total = start
@@ -178,22 +174,17 @@ def _upsample(signal, phases, first, outputs):
         count = (len(outputs) - start - 1) // factor + 1
         part = signal[(first + start) // factor - 16 :]
         for i in range(count):
-            total = taps[1] * part[i + 1]
-            for k in range(2, 33):  # of constant length, so that the loop over i is vectorised
+            total = taps[0] * part[i]
+            for k in range(1, 33):  # of constant length, so that the loop over i is vectorised
                 total += taps[k] * part[i + k]
             line[i] = total
-        if phase == 0:  # where new samples meet old ones, a tap more
-            for i in range(count):
-                line[i] += taps[0] * part[i]
         for i in range(count):
             outputs[start + i * factor] = line[i]
 
 
 @compiled
 def decimate(grid, used, lowpass, means, made, n_outputs):
-    (first, taps), (outputs, done) = lowpass, made
-    if len(taps) != 41:
-        raise ValueError("the decimating filter must have 41 taps")
+    (first, taps), (outputs, done) = lowpass, made  # of 41 taps
     even = np.empty(n_outputs + 20)
     odd = np.empty(n_outputs + 20)
     for r in range(len(grid)):

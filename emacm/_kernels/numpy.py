@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy  # scipy.signal takes a tenth of a second to import, so it is imported on first use
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 Array = NDArray[np.floating]
@@ -39,11 +40,8 @@ def integrate(velocity: Array, half_step: float, start: float) -> Array:
         Angle [rad], accumulated sample by sample, so that a part of it equals a cumulative sum over
         the whole velocity bit for bit.
     """
-    speed, angle = velocity.astype(np.float64), np.empty(len(velocity))
-    angle[0] = start
-    np.add(speed[1:], speed[:-1], out=angle[1:])
-    angle[1:] *= half_step
-    return np.cumsum(angle, out=angle)
+    speed = velocity.astype(np.float64)
+    return np.cumsum(np.append(start, (speed[1:] + speed[:-1]) * half_step))
 
 
 def resample(
@@ -89,15 +87,10 @@ def resample(
     for start, used, n_outputs in zip(range(0, n_times, part), n_points, ready, strict=True):
         stop = min(start + part, n_times)
         weights, cells = _weights(near[start : stop + 2], scale, offset, kernel, used)
-        low, high = int(cells.min()), int(cells.max())
-        cells -= low
-        n_cells = high - low + 1
         for signal, mean, line in zip(signals, means, grid, strict=True):
             values = np.subtract(signal[start:stop], mean, dtype=np.float64)
-            added = np.zeros(n_cells + 3)
             for k in range(4):
-                added[k : k + n_cells] += np.bincount(cells, weights[k] * values, n_cells)
-            line[low : high + 4] += added
+                line += np.bincount(cells + k, weights[k] * values, len(line))
         if n_outputs:
             decimate(grid, used, lowpass, means, (outputs, done), n_outputs)
             done += n_outputs
@@ -109,35 +102,22 @@ def _weights(
 ) -> tuple[Array, NDArray[np.intp]]:
     """Return the weights of four grid points, shape (4, n_times), and the lowest of the points.
 
-    `near` is the angle travelled at the samples and at one more on either side. Most of the time
-    is spent on memory, so arrays are changed in place.
+    `near` is the angle travelled at the samples and at one more on either side.
     """
-    position = scale * near[1:-1]
-    position += offset
-    width = near[2:] - near[:-2]
-    width *= 0.5 * abs(scale)
+    position = scale * near[1:-1] + offset
+    width = (near[2:] - near[:-2]) * (0.5 * abs(scale))
     cell = np.floor(position)
     outside = (cell < 1) | (cell >= n_points - 2)
-    if outside.any():
-        width[outside] = 0.0
-        cell[outside] = position[outside] = 1.0
-    position -= cell
-    position -= 0.5
-    square = position * position
-    weights, even, odd = np.empty((4, len(square))), np.empty_like(square), np.empty_like(square)
-    for k, part in enumerate(kernel):
-        for share, powers in ((even, part[4::-2]), (odd, part[5::-2])):
-            np.multiply(square, powers[0], out=share)
-            share += powers[1]
-            share *= square
-            share += powers[2]
-        odd *= position
-        even *= width
-        odd *= width
-        np.add(even, odd, out=weights[k])
-        np.subtract(even, odd, out=weights[3 - k])
-    cell -= 1
-    return weights, cell.astype(np.intp)
+    width[outside] = 0.0
+    cell[outside] = position[outside] = 1.0
+    place = position - cell - 0.5
+    square = place * place
+    weights = np.empty((4, len(place)))
+    for k, (c0, c1, c2, c3, c4, c5) in enumerate(kernel):
+        even = ((c4 * square + c2) * square + c0) * width
+        odd = ((c5 * square + c3) * square + c1) * place * width
+        weights[k], weights[3 - k] = even + odd, even - odd
+    return weights, cell.astype(np.intp) - 1
 
 
 def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int) -> Array:
@@ -227,9 +207,7 @@ def interpolate_linear(
     weights = np.where(weights > 0, np.minimum(weights, 1), 0)
     for signal, value in zip(signals, values, strict=True):
         before = signal[left].astype(np.float64, copy=False)
-        np.subtract(signal[1:][left], before, out=value)
-        value *= weights
-        value += before
+        value[:] = before + weights * (signal[1:][left] - before)
 
 
 def set_segments(
@@ -251,15 +229,9 @@ def set_segments(
         What is set.
     """
     part = signals[:, first : first + (segments.shape[1] - 1) * step + len(window)]
-    row, sample = part.strides
-    cut = np.lib.stride_tricks.as_strided(
-        part, segments.shape, (row, step * sample, sample), writeable=False
-    )
-    if remove_mean:
-        np.subtract(cut, cut.mean(axis=-1, keepdims=True), out=segments)
-        segments *= window
-    else:
-        np.multiply(cut, window, out=segments)
+    cut = sliding_window_view(part, len(window), axis=1)[:, ::step]
+    mean = cut.mean(axis=-1, keepdims=True) if remove_mean else 0.0
+    np.multiply(cut - mean, window, out=segments)
 
 
 def add_powers(transforms: NDArray[np.complexfloating], total: Array) -> None:

@@ -119,12 +119,7 @@ class OrderTable(BinPowers):
         precision = np.float32 if values.dtype == np.float32 else np.float64
         digest = sha256("\0".join(columns).encode()).hexdigest()
         dtype = np.dtype(precision, metadata={"columns": digest})
-        table = super().__new__(cls, values.astype(dtype), columns)
-        if table.ndim != 2 or table.shape[1] != len(columns):
-            raise ValueError(
-                f"{len(columns)} names are given for the shape {table.shape}. Name each column."
-            )
-        return table
+        return super().__new__(cls, values.astype(dtype), columns)
 
     @property
     def columns(self) -> tuple[str, ...] | None:
@@ -305,13 +300,9 @@ def _parse(name: Any) -> tuple[str, float] | None:
 
 def _chooses_rows(key: Any) -> bool:
     """Return whether an index leaves the columns unchanged."""
-    if isinstance(key, tuple):
-        rows, *rest = key or (...,)
-        full = all(k is Ellipsis or (isinstance(k, slice) and k == slice(None)) for k in rest)
-        return full and _chooses_rows(rows)
-    if key is Ellipsis or isinstance(key, slice):
-        return True
-    return key is not None and np.ndim(key) == 1
+    rows, *rest = key if isinstance(key, tuple) and key else (key,)
+    full = all(k is Ellipsis or (isinstance(k, slice) and k == slice(None)) for k in rest)
+    return full and (isinstance(rows, slice) or rows is Ellipsis or np.ndim(rows) == 1)
 
 
 class NamedColumns(TransformerMixin, SavedEstimator):
@@ -401,13 +392,11 @@ class OrderTableTransformer(NamedColumns):
             return False  # scikit-learn reports other mismatches
         if tuple(names) == tuple(seen):
             return True
-        came = f"{len(names)} columns {names[0]!r} to {names[-1]!r}"
-        if set(names) == set(seen):
-            came = "these columns in another order"
         raise ValueError(
             f"X has another order axis than the one {type(self).__name__} was fitted on: expected "
-            f"{len(seen)} columns {seen[0]!r} to {seen[-1]!r}, got {came}. Use the same theta_s, "
-            f"revolutions and channels, or fit again."
+            f"{len(seen)} columns {seen[0]!r} to {seen[-1]!r}, got {len(names)} columns "
+            f"{names[0]!r} to {names[-1]!r}. Use the same theta_s, revolutions and channels in the "
+            f"same order, or fit again."
         )
 
 

@@ -174,7 +174,7 @@ def cross_averages(
         How signals are cut; its `average` has no effect, the mean is used.
     segments : iterable of (lines, weight)
         What its `lines_of` or `padded_lines` yield for signals, such as the strokes of a
-        recording; read one at a time.
+        recording, at least one segment; read one at a time.
     pairs : sequence of (int, int)
         Input and output channel of each pair.
     channels : sequence of str
@@ -183,11 +183,6 @@ def cross_averages(
     Returns
     -------
     CrossAverages
-
-    Raises
-    ------
-    ValueError
-        If there is no segment.
 
     References
     ----------
@@ -203,8 +198,6 @@ def cross_averages(
             [np.einsum("so,so->o", lines[x].conj(), lines[y]) for x, y in pairs]
         )
         total, n_segments = total + weight, n_segments + lines.shape[1]
-    if not n_segments:
-        raise ValueError(f"no signal holds a segment of {plan.n_per_segment} samples.")
     scale = plan.sides / total
     return CrossAverages(power * scale, cross * scale, tuple(pairs), n_segments, channels)
 
@@ -353,7 +346,9 @@ class OrderCrossSpectrum(WelchEstimator):
         self.pairs_ = _checked_pairs(self.pairs, rows[0].channels)
         self.channels_ = tuple(dict.fromkeys(name for pair in self.pairs_ for name in pair))
         self._names_in, self._n_in = rows[0].channels, len(rows[0].channels)
-        self._kinds = _checked_kinds(self.kind)
+        self._kinds = (self.kind,) if isinstance(self.kind, str) else tuple(self.kind)
+        for kind in self._kinds:
+            check_choice(kind, "kind", KINDS)
         self._form = check_choice(self.form, "form", tuple(FORMS))
         self._set_plan(samples_per_revolution(self.theta_s_))
         self._check_rows(rows)
@@ -456,27 +451,12 @@ def _with_peaks(
         yield block
 
 
-def _checked_kinds(kind: Any) -> tuple[str, ...]:
-    kinds = (kind,) if isinstance(kind, str) or not np.iterable(kind) else tuple(kind)
-    for one in kinds:
-        check_choice(one, "kind", KINDS)
-    if not kinds or len(set(kinds)) < len(kinds):
-        raise ValueError(f"kind must name one or more of {KINDS}, each once; got {kind!r}.")
-    return kinds
-
-
 def _checked_pairs(pairs: Any, channels: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    if pairs is None:
-        pairs = list(combinations(channels, 2))
-    if not isinstance(pairs, Sequence) or any(isinstance(pair, str) for pair in pairs):
-        raise TypeError(
-            f"pairs must be a list of (input, output), as [('torque', 'current')]; got {pairs!r}."
-        )
-    checked = tuple(tuple(pair) for pair in pairs)
+    checked = tuple(combinations(channels, 2) if pairs is None else map(tuple, pairs))
     wrong = [p for p in checked if len(p) != 2 or p[0] == p[1] or not {*p} <= {*channels}]
     if wrong or not checked or len(set(checked)) < len(checked):
         raise ValueError(
             f"pairs must name one or more pairs of two of the channels {list(channels)}, each "
-            f"once; got {wrong or pairs!r}."
+            f"once, as [('torque', 'current')]; got {pairs!r}."
         )
     return checked

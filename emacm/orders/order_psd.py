@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_choice, check_finite_table, check_signal, check_table
+from emacm._checks import check_finite_table, check_signal, check_table
 from emacm._saved import write_whole
 from emacm._statements import warn
 from emacm._version import __version__
@@ -32,7 +32,6 @@ from emacm.recordings.inputs import as_list, described, refuse_single, run
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import (
     AngleRecording,
-    are_over_angle,
     as_angle_recordings,
     check_alike,
     separates_directions,
@@ -53,12 +52,12 @@ class OrderPSD(WelchEstimator):
         nearest whole number of samples), independent of theta_s.
     n_per_segment : int, optional
         Length of a segment in samples (the thesis' L), in place of `revolutions`.
-    window : str, tuple or array-like of shape (n_per_segment,)
+    window : str or tuple
         As for `scipy.signal.get_window`.
     overlap : float
         Fraction of a segment that overlaps the next one, in [0, 1).
-    detrend : {"constant", "linear", None, False}
-        What is removed from each segment.
+    detrend : {"constant", None, False}
+        Whether the mean of each segment is removed.
     scaling : {"density", "spectrum"}
         "density" [U²/order] integrates to the mean square, as bins need it. In
         "spectrum" [U²] a tone of amplitude A reads A²/2.
@@ -185,16 +184,14 @@ class OrderPSD(WelchEstimator):
         TypeError, ValueError
             If a parameter or X is invalid.
         """
-        check_choice(self.by_direction, "by_direction", (True, False, "auto"))
-        for seen in ("n_features_in_", "feature_names_in_"):
-            self.__dict__.pop(seen, None)  # of an earlier fit on a table
         rows = self._checked(X, reset=True)
         self.by_direction_ = separates_directions(self.by_direction, rows)
         self._over_angle = isinstance(rows[0], AngleRecording)
-        self.theta_s_ = self._stated_theta_s(rows[0])
+        self.theta_s_ = rows[0].theta_s if self._over_angle else None
+        if self.theta_s is not None:
+            self.theta_s_ = check_angle_step(self.theta_s)
         self.channels_ = rows[0].channels if self._over_angle else (BARE_CHANNEL,)
-        if self._over_angle:
-            self._check_recordings(rows)
+        self._check_rows(rows)
         if self.theta_s_ is not None:
             self._set_plan(samples_per_revolution(self.theta_s_))
         else:
@@ -204,8 +201,9 @@ class OrderPSD(WelchEstimator):
                 self._set_plan(1.0, n_per_segment=shortest)
         self.order_step_ = self.plan_.order_step
         self._columns_out = self._column_names()
-        self._names_in = getattr(self, "feature_names_in_", None)
-        self._n_in = len(self.channels_) if self._over_angle else vars(self).get("n_features_in_")
+        seen = {} if self._over_angle else vars(self)
+        self._names_in = seen.get("feature_names_in_")
+        self._n_in = len(self.channels_) if self._over_angle else seen.get("n_features_in_")
         return self
 
     def transform(self, X: Any) -> NDArray[np.floating]:
@@ -230,13 +228,7 @@ class OrderPSD(WelchEstimator):
         """
         check_is_fitted(self)
         rows = self._checked(X, reset=False)
-        if isinstance(rows[0], AngleRecording):
-            self._check_recordings(rows)
-        elif self._over_angle:
-            raise ValueError(
-                "X holds plain rows, but OrderPSD was fitted on recordings of channels "
-                f"{list(self.channels_)}. Pass what OrderResampler returns, or fit again."
-            )
+        self._check_rows(rows)
         settings = joblib.hash((vars(self.plan_), __version__))
         memory = getattr(self.memory, "location", self.memory)  # of a joblib.Memory
         folder = None if memory is None or memory is False else _folder_of(memory)
@@ -262,8 +254,6 @@ class OrderPSD(WelchEstimator):
 
     def _checked(self, X: Any, *, reset: bool) -> Sequence[Any]:
         """Return the rows of X: recordings over shaft angle, or 1-D arrays."""
-        if are_over_angle(X):
-            return list(X)
         rows = as_list(X) if isinstance(X, str | PurePath | Sequence) else []
         if any(isinstance(row, AngleRecording | Recording | str | PurePath) for row in rows):
             return as_angle_recordings(rows, "OrderPSD")
@@ -288,27 +278,18 @@ class OrderPSD(WelchEstimator):
         check_finite_table(table, "row")
         return table
 
-    def _check_recordings(self, rows: Sequence[AngleRecording]) -> None:
-        """Compare recordings with the axis and the channels of `fit`."""
-        if not self._over_angle:
+    def _check_rows(self, rows: Sequence[Any]) -> None:
+        """Compare rows with the kind of rows, the axis and the channels of `fit`."""
+        over_angle = isinstance(rows[0], AngleRecording)
+        if over_angle != self._over_angle:
+            kinds = "plain rows", "recordings over shaft angle"
             raise ValueError(
-                f"{described(rows[0], 0)} is a recording, but fit saw plain rows. Fit it again."
+                f"X holds {kinds[over_angle]}, but OrderPSD was fitted on "
+                f"{kinds[self._over_angle]}. Pass what it was fitted on, or fit again."
             )
-        known = self.channels_, self.theta_s_
-        check_alike(rows, *known, "OrderPSD", by_direction=self.by_direction_)
-
-    def _stated_theta_s(self, first: Any) -> float | None:
-        stated = self.theta_s
-        if stated is not None:
-            stated = check_angle_step(stated)
-        if not isinstance(first, AngleRecording):
-            return stated
-        if stated is not None and not np.isclose(stated, first.theta_s, rtol=1e-12, atol=0):
-            raise ValueError(
-                f"theta_s = {stated!r} contradicts the recordings, which were resampled with "
-                f"{first.theta_s!r}. Omit theta_s of OrderPSD; recordings contain theirs."
-            )
-        return first.theta_s
+        if over_angle:
+            known = self.channels_, self.theta_s_
+            check_alike(rows, *known, "OrderPSD", by_direction=self.by_direction_)
 
     def _column_names(self) -> tuple[str, ...]:
         if self.theta_s_ is None:

@@ -156,14 +156,13 @@ def order_components(
     orders: Sequence[float] | NDArray[np.floating],
     *,
     revolutions: float = 8,
-    overlap: float = 0.75,
 ) -> tuple[NDArray[np.floating], NDArray[np.complexfloating]]:
     """Fit orders to each segment of a signal over the shaft angle, by weighted least squares.
 
     Within a segment, the amplitude and phase of each order may change: the model is a constant
     and, for each order k, a polynomial of degree 2 in the angle, times ``exp(i k angle)``. Samples
     are weighted by a Hann window, and the values in the middle are returned (local polynomial
-    regression [1]_).
+    regression [1]_). The next segment starts a quarter of its length later.
 
     Parameters
     ----------
@@ -176,8 +175,6 @@ def order_components(
         another and from 0.
     revolutions : float
         Length of a segment.
-    overlap : float
-        Part of a segment that the next one shares with it, from 0 to below 1.
 
     Returns
     -------
@@ -215,7 +212,6 @@ def order_components(
     check_finite(signal.reshape(-1), "signal")
     per_rev = check_number(samples_per_rev, "samples_per_rev", above=2)
     length = round(check_number(revolutions, "revolutions", above=0) * per_rev)
-    shared = check_number(overlap, "overlap", at_least=0, below=1)
     chosen = np.array(check_orders(orders))
     gaps = np.diff(np.sort(np.append(chosen, [0, per_rev / 2])))
     if gaps.min() < (1 - 1e-9) * 3 / revolutions:
@@ -229,7 +225,7 @@ def order_components(
             f"signal of shape {signal.shape} holds no segment of {length} samples "
             f"({revolutions:g} revolutions). Lower revolutions."
         )
-    step = max(1, round((1 - shared) * length))
+    step = round(length / 4)
     segments = np.lib.stride_tricks.sliding_window_view(signal, length, axis=-1)[..., ::step, :]
     middles = step * np.arange(segments.shape[-2]) + (length - 1) / 2
     local = segments @ _kernels_of(chosen, per_rev, length).T

@@ -97,8 +97,7 @@ class AngleRecording:
     @property
     def settings(self) -> tuple[Any, ...]:
         """All that the strokes depend on besides the recording."""
-        names = (item.name for item in fields(self) if item.compare and item.name != "measured")
-        return tuple(getattr(self, name) for name in names)
+        return tuple(getattr(self, item.name) for item in fields(self)[1:])
 
     @property
     def flat_order(self) -> float:
@@ -250,8 +249,7 @@ def interpolated(
         travel = path.travel_at(fs, start, stop)
         # A shaft that stands or shivers repeats angles; what counts is when it passes them for
         # good.
-        if path.max_reversal:
-            travel = np.maximum(np.maximum.accumulate(travel), farthest)
+        travel = np.maximum(np.maximum.accumulate(travel), farthest)
         farthest = float(travel[-1])
         end = n_angles if stop == last else min(int(np.ceil(farthest / theta_s)), n_angles)
         if end <= done:
@@ -302,8 +300,6 @@ def as_angle_recordings(X: Any, who: str) -> list[AngleRecording]:
     ValueError
         If X is empty.
     """
-    if are_over_angle(X):
-        return list(X)
     rows = as_recordings(X, who, also=(AngleRecording,))
     for index, row in enumerate(rows):
         if not isinstance(row, AngleRecording):
@@ -311,11 +307,6 @@ def as_angle_recordings(X: Any, who: str) -> list[AngleRecording]:
                 f"{described(row, index)} is over time; put an OrderResampler before {who}."
             )
     return rows
-
-
-def are_over_angle(X: Any) -> bool:
-    """Return whether X is a list of recordings over the shaft angle, and of nothing else."""
-    return isinstance(X, list) and len(X) > 0 and all(isinstance(r, AngleRecording) for r in X)
 
 
 def check_alike(
@@ -350,13 +341,12 @@ def check_alike(
         If a recording has other channels, was not resampled at this angle, or its directions were
         joined.
     """
-    if any(row.channels != channels for row in rows):
-        check_channels(rows, channels, others=not exactly, ordered=exactly)
+    check_channels(rows, channels, others=not exactly, ordered=exactly)
     for index, row in enumerate(rows):
         if theta_s is None or not isclose(row.theta_s, theta_s, rel_tol=1e-12):
             raise ValueError(
                 f"{described(row, index)} was resampled with theta_s = {row.theta_s!r}, but "
-                f"{who} was fitted on {theta_s!r}. Use the same theta_s, or fit again."
+                f"{who} has {theta_s!r}. Use the same theta_s, or fit again."
             )
         if by_direction and row.direction == "travel":
             raise ValueError(

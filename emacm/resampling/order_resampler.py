@@ -41,7 +41,7 @@ def check_angle_step(theta_s: Any) -> float:
     Parameters
     ----------
     theta_s : float
-        Angle between samples [rad], at most π.
+        Angle between samples [rad], from 1e-5 to π.
 
     Returns
     -------
@@ -50,9 +50,9 @@ def check_angle_step(theta_s: Any) -> float:
     Raises
     ------
     TypeError, ValueError
-        If it is not a number above 0 and at most π.
+        If it is not a number of at least 1e-5 and at most π.
     """
-    step = check_number(theta_s, "theta_s", above=0, unit="rad per sample")
+    step = check_number(theta_s, "theta_s", at_least=1e-5, unit="rad per sample")
     if step > np.pi:
         raise ValueError(
             f"theta_s = {step:g} rad is more than half a revolution between two samples. It is the "
@@ -72,7 +72,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
     Parameters
     ----------
     theta_s : float
-        Angle between samples of the result [rad], at most π: 2π over the samples per
+        Angle between samples of the result [rad], from 1e-5 to π: 2π over the samples per
         revolution. Orders up to π/theta_s exist.
     interpolation : {"cubic", "linear"}
         Used only with ``antialias=False``. "linear" is the thesis, Eq. (2.13).
@@ -341,16 +341,9 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         longest_gap(self.max_rest, 1.0)
         check_number(self.ratio, "ratio", at_least=1e-6, at_most=1e6)
         check_choice(self.reference_kind, "reference_kind", ("velocity", "angle"))
-        if not isinstance(self.reference, str | int | np.integer | None):
-            text = "reference must be the index or the name of a channel"
-            raise TypeError(f"{text}, got {self.reference!r}.")
 
     def _recordings(self, X: Any) -> list[Recording]:
         """Return X as recordings, whatever form it came in."""
-        if isinstance(X, np.ndarray) and X.dtype != object and X.ndim != 3:
-            raise ValueError(
-                f"an array X must have shape (n_recordings, n_channels, n_times), got {X.shape}."
-            )
         return for_each(self._from_bare, as_list(X))
 
     def _from_bare(self, entry: Any) -> Recording:

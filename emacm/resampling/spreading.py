@@ -102,7 +102,6 @@ def spread_rows(
     iterator of ndarray of shape (n_rows, n_angles)
         The next angles; all blocks together cover the whole path.
     """
-    path.count(theta_s)  # before a grid is made that is too large
     factor = upsampling(fs, path.fastest, theta_s)
     if factor > 1:
         _check_density(factor, fs, path, theta_s)

@@ -8,7 +8,7 @@ speed explains the new phases. Such seconds are not steady.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -84,7 +84,8 @@ def refined_speed(course: Course, orders: Array) -> tuple[Array, NDArray[np.bool
         speed = speed + np.interp(times, centres, np.where(trusted, change, 0.0))
     turns = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2)]) / white.fs
     *_, (agreed, shift) = _phase_speeds(analytic, turns, orders, hop, white.fs)
-    lines = _demodulated(analytic * np.exp(-2j * np.pi * shift * times), turns, agreed)
+    shifted = analytic * np.exp(-2j * np.pi * shift * times)
+    lines = (shifted * np.exp(-2j * np.pi * order * turns) for order in agreed)
     gap = float(np.diff(orders, prepend=0.0).min())
     return speed, steady_seconds(lines, turns, gap, course.reliable, white.fs)
 
@@ -116,11 +117,11 @@ def _phase_speeds(
         return np.asarray((blocks[1:] + blocks[:-1]) / 2, np.complex128)
 
     aside = np.exp(-2j * np.pi * 0.41 * turns)  # where no order is
-    waves = _demodulated(analytic, turns, orders)
     centre = (starts[1:] + 0.0) / fs
     middle, apart = (centre[1:] + centre[:-1]) / 2, np.diff(centre)
     clear, steps, weights = [], [], []
-    for order, wave in zip(orders, waves, strict=True):
+    for order in orders:
+        wave = analytic * np.exp(-2j * np.pi * order * turns)
         line = joined(wave)
         between = np.mean(np.abs(joined(wave * aside)) ** 2) + 1e-300
         power = np.mean(np.abs(line) ** 2)
@@ -142,23 +143,6 @@ def _phase_speeds(
     change = (weight * changes).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-300)
     smooth = ndimage.uniform_filter1d(change, min(3, len(change)), mode="nearest")
     return middle, smooth, (clear_orders[agreed], shift)
-
-
-def _demodulated(
-    analytic: NDArray[np.complex128], turns: Array, orders: Array
-) -> Iterator[NDArray[np.complex128]]:
-    """Yield the signal moved down by each of the orders, which ascend.
-
-    From one order to the next, the signal is multiplied by a wave, which is the same for equal
-    steps: the exponential of a wave costs ten times its product.
-    """
-    last, wave = 0.0, analytic
-    for step in np.diff(orders, prepend=0.0):
-        if step != last:
-            turn = np.exp(-2j * np.pi * step * turns)
-            last = step
-        wave = wave * turn
-        yield wave
 
 
 def _lines_of_shaft(

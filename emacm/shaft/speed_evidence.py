@@ -311,8 +311,6 @@ def _usable_bins(
     usable = (np.arange(n_bins) >= 3) & (np.arange(n_bins) <= int(highest * duration))
     for line in white.mains if duration >= 1 else ():
         usable &= np.abs(frequencies - line) > _mains_reach(line, lobe)
-    if not usable.any():
-        usable[1:] = True
     return usable
 
 

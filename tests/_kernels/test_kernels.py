@@ -138,15 +138,6 @@ def test_linear_interpolation_agrees(compiled, rng, dtype, n_signals):
     agree(*found)
 
 
-def test_linear_interpolation_is_that_of_numpy(rng):
-    reached = np.cumsum(rng.uniform(0.1, 1, 500))
-    signal = rng.standard_normal(500)
-    values = np.empty((1, 400))
-    _kernels_numpy.interpolate_linear(reached, 2, 0.5, [signal], values)
-    expected = np.interp(0.5 * np.arange(2, 402), reached, signal)
-    np.testing.assert_allclose(values[0], expected, atol=1e-12)
-
-
 def test_a_plateau_at_the_start_is_passed_at_its_first_sample(compiled):
     for module in (compiled, _kernels_numpy):
         values = np.empty((1, 2))
@@ -165,14 +156,6 @@ def test_kernels_can_be_named_for_a_while():
         assert _kernels.loops is _kernels_numpy
 
 
-def test_unknown_kernels_are_refused():
-    with (
-        pytest.raises(ValueError, match="kernels must be one of 'numpy', 'numba'; got 'fortran'"),
-        _kernels.using("fortran"),
-    ):
-        pass
-
-
 def in_a_new_process(code, **environment):
     return subprocess.run(
         [sys.executable, "-c", code],
@@ -181,13 +164,6 @@ def in_a_new_process(code, **environment):
         text=True,
         check=False,
     )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["numpy", "numba"])
-def test_the_environment_chooses(name):
-    code = "from emacm import _kernels; print(_kernels.loops.__name__)"
-    assert in_a_new_process(code, EMACM_KERNELS=name).stdout == f"emacm._kernels.{name}\n"
 
 
 def test_an_unknown_choice_in_the_environment_is_refused(monkeypatch):

@@ -34,7 +34,6 @@ CASES = [
         for name in ("bin_size", "max_order")
         for value, error in [(0, V), (-1, V), (np.nan, V), ("1", T), (None, T)]
     ],
-    Case("tiny bins", lambda: bins(bin_size=1e-300), V, "bin_size = 1e-300|bins up to order 8"),
     Case("edges that are not sorted", lambda: bins(edges=[0, 5, 3]), V, "edges|increase"),
     Case("a negative edge", lambda: bins(edges=[-1, 3]), V, "edges|at least 0"),
     Case("an edge that is no number", lambda: bins(edges=[0, np.nan]), V, "edges|finite"),
@@ -62,7 +61,7 @@ CASES = [
     ),
     Case("a negative band", lambda: bins(edges={"x": (-1, 6)}), V, "band 'x'|at least 0"),
     Case(
-        "a stop band that is not nested", lambda: bins(stop_bands=(5.6, 6.4)), T, "stop_bands|pairs"
+        "a stop band that is not nested", lambda: bins(stop_bands=(5.6, 6.4)), T, "stop band 0|pair"
     ),
     Case(
         "a stop band upside down",
@@ -70,7 +69,7 @@ CASES = [
         V,
         "stop band 0|lower to a higher",
     ),
-    Case("text for stop bands", lambda: bins(stop_bands="5-6"), T, "stop_bands|'5-6'"),
+    Case("text for stop bands", lambda: bins(stop_bands="5-6"), T, "stop band 0|pair"),
     Case("a negative stop band", lambda: bins(stop_bands=((-1, 2),)), V, "stop band 0|at least 0"),
     Case("all bins stopped", lambda: bins(stop_bands=((0, 8),)), V, "stop_bands|(0.0, 8.0)"),
     Case("a step of zero", lambda: bins(np.ones((2, 9)), order_step=0), V, "order_step|above 0"),
@@ -88,7 +87,7 @@ CASES = [
             .transform(pd.DataFrame(np.ones((1, 18)), columns=order_columns("ba", range(9))))
         ),
         V,
-        "these columns in another order",
+        "expected 18 columns 'a@0' to 'b@8', got 18 columns 'b@0' to 'a@8'",
     ),
     Case(
         "columns of one name",

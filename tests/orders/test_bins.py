@@ -233,5 +233,5 @@ def test_a_value_that_is_not_finite_is_named_with_recording_and_column(form, val
 
 def test_a_step_that_contradicts_two_orders_is_refused():
     two = OrderTable(np.ones((1, 2)), ["a@0", "a@0.75"])
-    with pytest.raises(ValueError, match=r"order_step = 0.5 contradicts .*'a'.* lie 0.75 apart"):
+    with pytest.raises(ValueError, match=r"order_step = 0.5 contradicts .*'a'.* are \[0.0, 0.75\]"):
         BinTransformer(0.5, max_order=0.5, order_step=0.5).fit(two)

@@ -30,11 +30,6 @@ def table(columns=COLUMNS):
 # The table
 
 
-def test_names_that_do_not_fit_the_table_are_refused():
-    with pytest.raises(ValueError, match=r"2 names are given for the shape \(4, 3\)"):
-        table(COLUMNS[:2])
-
-
 def through_joblib(value, folder):
     joblib.dump(value, folder / "table.joblib")
     return joblib.load(folder / "table.joblib")

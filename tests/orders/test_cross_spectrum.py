@@ -49,7 +49,7 @@ def assert_same(ours, theirs):
 
 
 @pytest.mark.parametrize("length", [255, 256])
-@pytest.mark.parametrize("detrend", ["constant", "linear", False])
+@pytest.mark.parametrize("detrend", ["constant", False])
 @pytest.mark.parametrize("scaling", ["density", "spectrum"])
 def test_the_cross_spectrum_is_that_of_scipy(length, detrend, scaling):
     x, y = noise(2, 5000)
@@ -57,15 +57,6 @@ def test_the_cross_spectrum_is_that_of_scipy(length, detrend, scaling):
     options = {"detrend": detrend, "scaling": scaling}
     ours = cross_spectrum(x, y, 60, n_per_segment=length, **options)
     assert_same(ours, filters.csd(x, y, 60, nperseg=length, **options))
-
-
-@pytest.mark.parametrize("length", [100, 129])
-def test_the_coherence_is_that_of_scipy(length):
-    x, y = noise(2, 4000)
-    y += x
-    ours = coherence(x, y, 60, n_per_segment=length)
-    theirs = filters.coherence(x, y, 60, nperseg=length)
-    np.testing.assert_allclose(ours[1], theirs[1], rtol=1e-12)
 
 
 def test_the_cross_spectrum_of_a_signal_with_itself_is_its_power_spectrum():

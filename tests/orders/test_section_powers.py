@@ -18,8 +18,8 @@ LINES = {"lowest": 1 / 16, "few": 1 / 8, "all": 1 / 2}  # of a segment's samples
 def segment_powers(name, signals, first, step, window, n_segments, n_lines, remove_mean):
     """Sum the powers of the lowest lines over segments, with the named loops."""
     detrend = "constant" if remove_mean else None
-    plan = SegmentPlan(1.0, n_per_segment=len(window), window=window, detrend=detrend)
-    plan.step, plan.n_orders = step, n_lines
+    plan = SegmentPlan(1.0, n_per_segment=len(window), detrend=detrend)
+    plan.step, plan.n_orders, plan.weights = step, n_lines, window
     with using(name):
         return plan.section_powers(signals[:, first:], n_segments)
 

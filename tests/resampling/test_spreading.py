@@ -9,8 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from numpy.lib.stride_tricks import sliding_window_view
-from scipy.signal import get_window
 
 import emacm.resampling.spreading
 from emacm import BinTransformer, OrderPSD, OrderResampler, Recording, _kernels
@@ -297,30 +295,6 @@ def test_the_floor_of_white_noise_is_right_for_every_theta_s(noise, samples_per_
     assert decibel(flat.mean() / level) == pytest.approx(0, abs=0.05)
 
 
-def test_the_floor_of_white_noise_is_right_in_strokes():
-    fs, revolutions = 10_000, 4
-    time = times(fs, 20.0)
-    speed = 24 * np.abs(np.sin(np.pi * time + 0.4))
-    angle = 48 * (np.cos(0.4) - np.cos(np.pi * time + 0.4))
-    noise = np.random.default_rng(4).standard_normal((4, len(time)))
-    recording = Recording(dict(zip("abcd", noise, strict=True)), fs, angle=angle)
-    (over_angle,) = OrderResampler(THETA_S).fit_transform([recording])
-    psd = OrderPSD(revolutions)
-    spectra = np.asarray(psd.fit_transform([over_angle])).reshape(4, -1)
-    floor = spectra[:, (psd.orders_ > 1) & (psd.orders_ < LAST_FLAT)].mean()
-    # Windows weigh the slow ends of a stroke less, so its mean speed must be weighed alike.
-    weight = get_window("hann", revolutions * 128) ** 2
-    speeds = []
-    for stroke in over_angle.strokes[:-1]:  # the recording ends early in the last
-        first = round(stroke.path.start_time * fs)
-        along = speed[first : first + len(stroke.path.travel)]
-        at_angles = np.interp(np.arange(stroke.n_angles) * THETA_S, stroke.path.travel, along)
-        segments = sliding_window_view(at_angles, len(weight))[:: len(weight) // 2]
-        speeds.extend(segments @ weight / weight.sum())
-    assert len(over_angle.strokes) == 21
-    assert decibel(floor / (2 / fs * np.mean(speeds))) == pytest.approx(0, abs=0.1)
-
-
 # Dense and sparse time samples
 
 
@@ -418,23 +392,3 @@ def test_interpolation_passes_over_a_shaft_that_stands_still():
     path = ShaftPath(travel, 100.0, 0.0, 0.0, 1)
     angles, resampled = interpolate_to_angle(travel, 100.0, path, theta_s=0.05)
     np.testing.assert_allclose(resampled, angles, atol=1e-12)
-
-
-# Errors
-
-
-@pytest.mark.parametrize("resample", [spread_to_angle, interpolate_to_angle])
-def test_a_theta_s_that_would_make_too_many_samples_is_refused(resample):
-    _, path = steady(20.0, 1000.0, 1.0)
-    message = r"would make .* samples of a stroke of 20 rev.*2 \* np.pi / 128"
-    with pytest.raises(ValueError, match=message):
-        resample(np.zeros(1000), 1000.0, path, theta_s=1e-12)
-
-
-@pytest.mark.parametrize("direction", ["strokes", "forward", "reverse"])
-def test_a_tone_has_its_power_in_either_direction(direction):
-    recording = Recording(
-        {"x": tone("reversing", 27, 10_000)}, 10_000, **shaft("reversing", "angle", 10_000)
-    )
-    (power,) = tone_power(recording, 27, direction=direction)
-    assert power == pytest.approx(AMPLITUDE**2 / 2, rel=0.003)

@@ -202,7 +202,6 @@ def test_phases_go_on_across_a_gap_as_fast_as_on_either_side():
     [
         (lambda: angle_from_velocity([1, 2, np.nan], 1), ValueError, "velocity .* at sample 2"),
         (lambda: angle_from_velocity([1, 2], 0), ValueError, "fs must be"),
-        (lambda: angle_from_velocity([1, 2], 1, initial="zero"), TypeError, "initial must be"),
         (lambda: angle_from_wrapped([1, 2], period=-360), ValueError, "period must be"),
         (lambda: is_wrapped([0, np.inf]), ValueError, "angle must be .* at sample 1"),
         (lambda: angle_from_resolver([1, 0], [1, 0]), ValueError, "sample 1.* Demodulate"),
@@ -213,7 +212,6 @@ def test_phases_go_on_across_a_gap_as_fast_as_on_either_side():
         (lambda: angle_from_currents(np.zeros((3, 5)), pole_pairs=4), ValueError, "0 of 5"),
         (lambda: angle_from_currents(np.zeros((9, 3)), pole_pairs=4), ValueError, "Transpose"),
         (lambda: angle_from_currents([[1, 2], [1, np.nan]], pole_pairs=4), ValueError, "phase b"),
-        (lambda: angle_from_currents(np.ones((2, 5)), pole_pairs=4, weak=1), ValueError, "weak"),
     ],
 )
 def test_wrong_input_is_refused(call, error, words):
