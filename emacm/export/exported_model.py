@@ -55,6 +55,8 @@ class ExportedModel(StreamedModel):
                     f"memory= of {type(part).__name__} cannot be exported: a controller has no "
                     f"files. Set it to None; the results are the same."
                 )
+        if self.psd.plan_.detrend == "linear":
+            raise ValueError('detrend="linear" of OrderPSD cannot be exported. Use "constant".')
         self.radices = radices(self.psd.plan_.n_per_segment)
         self.stages = list(self._stages())
 

@@ -42,6 +42,11 @@ def bin_edges(bin_size: float, max_order: float) -> list[Band]:
     """
     bin_size = check_number(bin_size, "bin_size", above=0, unit="orders")
     max_order = check_number(max_order, "max_order", above=0, unit="orders")
+    if max_order / bin_size > 10_000:  # far narrower than any line
+        raise ValueError(
+            f"bin_size = {bin_size:g} would make {max_order / bin_size:.3g} bins up to order "
+            f"{max_order:g}. It is the width of a bin in orders, such as 1."
+        )
     n_bins = max(1, int(np.ceil(max_order / bin_size - 1e-9)))
     edges = [round_edge(i * bin_size) for i in range(n_bins)] + [round_edge(max_order)]
     return list(pairwise(edges))

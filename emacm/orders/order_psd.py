@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_finite_table, check_signal, check_table
+from emacm._checks import check_choice, check_finite_table, check_signal, check_table
 from emacm._saved import write_whole
 from emacm._statements import warn
 from emacm._version import __version__
@@ -52,12 +52,12 @@ class OrderPSD(WelchEstimator):
         nearest whole number of samples), independent of theta_s.
     n_per_segment : int, optional
         Length of a segment in samples (the thesis' L), in place of `revolutions`.
-    window : str or tuple
+    window : str, tuple or array-like of shape (n_per_segment,)
         As for `scipy.signal.get_window`.
     overlap : float
         Fraction of a segment that overlaps the next one, in [0, 1).
-    detrend : {"constant", None, False}
-        Whether the mean of each segment is removed.
+    detrend : {"constant", "linear", None, False}
+        What is removed from each segment.
     scaling : {"density", "spectrum"}
         "density" [U²/order] integrates to the mean square, as bins need it. In
         "spectrum" [U²] a tone of amplitude A reads A²/2.
@@ -184,6 +184,7 @@ class OrderPSD(WelchEstimator):
         TypeError, ValueError
             If a parameter or X is invalid.
         """
+        check_choice(self.by_direction, "by_direction", (True, False, "auto"))
         rows = self._checked(X, reset=True)
         self.by_direction_ = separates_directions(self.by_direction, rows)
         self._over_angle = isinstance(rows[0], AngleRecording)

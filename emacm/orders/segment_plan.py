@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from emacm import _kernels
-from emacm._checks import check_choice, check_count, check_number
+from emacm._checks import check_choice, check_count, check_number, check_real_array
 from emacm.resampling.angle_recording import AngleRecording
 
 Blocks = Iterable[NDArray[np.floating]]  # consecutive, of shape (n_channels, n_angles)
@@ -42,12 +42,12 @@ class SegmentPlan:
         whole number of samples).
     n_per_segment : int, optional
         Length of a segment in samples, in place of `revolutions`.
-    window : str or tuple
+    window : str, tuple or array-like of shape (n_per_segment,)
         As for `scipy.signal.get_window`. "hann" is Chirico, Eq. (2.17).
     overlap : float
         Fraction of a segment that overlaps the next one, in [0, 1).
-    detrend : {"constant", None, False}
-        Whether the mean of each segment is removed. This distorts the first two lines, so bins of
+    detrend : {"constant", "linear", None, False}
+        What is removed from each segment. "constant" distorts the first two lines, so bins of
         interest should begin above them.
     scaling : {"density", "spectrum"}
         "density" [U²/order] integrates to the mean square. In "spectrum" [U²] a tone of amplitude A
@@ -106,9 +106,10 @@ class SegmentPlan:
                 f"per revolution. Change one of them, or theta_s."
             )
         overlap = check_number(self.overlap, "overlap", at_least=0, below=1)
-        check_choice(self.detrend, "detrend", ("constant", None, False))
+        check_choice(self.detrend, "detrend", ("constant", "linear", None, False))
         check_choice(self.scaling, "scaling", ("density", "spectrum"))
         check_choice(self.average, "average", ("mean", "median"))
+        check_choice(self.by_direction, "by_direction", (True, False))
         check_choice(self.short, "short", ("raise", "pad"))
         self.n_orders = length // 2 + 1
         if self.max_order is not None:
@@ -306,13 +307,16 @@ class SegmentPlan:
 
     def _transforms(self, section: NDArray[np.floating], n_segments: int) -> Iterator[Lines]:
         """Yield the Fourier transforms of a few segments of all channels at a time."""
-        loops, length = _kernels.loops, self.n_per_segment
+        loops, length, linear = _kernels.loops, self.n_per_segment, self.detrend == "linear"
         section = np.ascontiguousarray(section, np.float64)
         at_once = max(1, loops.SEGMENT_BYTES // (8 * length * len(section)))
+        window = np.ones(length) if linear else self.weights
         for start in range(0, n_segments, at_once):
             segments = np.empty((len(section), min(at_once, n_segments - start), length))
-            cut = start * self.step, self.step, self.weights, bool(self.detrend)
+            cut = start * self.step, self.step, window, self.detrend == "constant"
             loops.set_segments(section, *cut, segments)
+            if linear:
+                segments = detrended(segments, self.detrend) * self.weights
             transforms = [fft.rfft(segments)]
             del segments
             yield transforms.pop()
@@ -374,7 +378,7 @@ def _median_bias(n_segments: int) -> float:
 def padded(plan: SegmentPlan, signals: Iterable[NDArray[np.floating]]) -> NDArray[np.floating]:
     """Estimate power spectra from signals that are shorter than a segment.
 
-    Each signal is windowed over its own length and padded with zeros. Powers and
+    Each signal is detrended, windowed over its own length and padded with zeros. Powers and
     window factors are summed before they are divided, so that a signal is weighted by its
     length; `average` has no effect, as there is one spectrum for each signal.
 
@@ -388,6 +392,11 @@ def padded(plan: SegmentPlan, signals: Iterable[NDArray[np.floating]]) -> NDArra
     Returns
     -------
     ndarray of shape (n_channels, n_orders)
+
+    Raises
+    ------
+    ValueError
+        If the window is an array, which has no shorter form.
     """
     lines, weights = zip(*padded_lines(plan, signals), strict=True)
     power = sum(np.abs(part[:, 0]) ** 2 for part in lines)
@@ -411,25 +420,30 @@ def padded_lines(
     lines, weight
         As `SegmentPlan.lines_of` does; the lines of a signal have the shape
         (n_channels, 1, n_orders).
+
+    Raises
+    ------
+    ValueError
+        If the window is an array, which has no shorter form.
     """
     for signal in signals:
         n_angles = signal.shape[-1]
         if n_angles < 2:
             continue
-        if plan.detrend:
-            signal = signal - signal.mean(axis=-1, keepdims=True, dtype=np.float64)
+        if not isinstance(plan.window, str | tuple):
+            raise ValueError("short='pad' needs a window by name, as an array cannot be shortened.")
         window = window_values(plan.window, n_angles)
-        lines = fft.rfft(signal * window, plan.n_per_segment)
+        lines = fft.rfft(detrended(signal, plan.detrend) * window, plan.n_per_segment)
         yield lines[:, np.newaxis, : plan.n_orders], plan.window_factor(window)
 
 
-def window_values(window: str | tuple[Any, ...], length: int) -> NDArray[np.floating]:
+def window_values(window: Any, length: int) -> NDArray[np.floating]:
     """Return the samples of a window.
 
     Parameters
     ----------
-    window : str or tuple
-        As for `scipy.signal.get_window`.
+    window : str, tuple or array-like of shape (length,)
+        As for `scipy.signal.get_window`, or the samples themselves.
     length : int
         Samples of a segment.
 
@@ -439,13 +453,47 @@ def window_values(window: str | tuple[Any, ...], length: int) -> NDArray[np.floa
 
     Raises
     ------
-    ValueError
-        If the window is unknown.
+    TypeError, ValueError
+        If the window is unknown, has another length, or its samples sum to 0.
     """
-    try:
-        return np.asarray(scipy.signal.get_window(window, length), np.float64)
-    except (ValueError, TypeError, IndexError, AttributeError, OverflowError) as error:
+    if isinstance(window, str | tuple):
+        try:
+            values = scipy.signal.get_window(window, length)
+        except (ValueError, TypeError, IndexError, AttributeError, OverflowError) as error:
+            raise ValueError(
+                f"window must be an argument of scipy.signal.get_window, such as 'hann' or "
+                f"('kaiser', 8.0); got {window!r}: {error}"
+            ) from error
+    else:
+        values = check_real_array(window, "window")
+        if values.shape != (length,):
+            raise ValueError(
+                f"a window given as an array must have the {length} samples of a segment, "
+                f"got shape {values.shape}. Name it instead, or set n_per_segment."
+            )
+    values = values.astype(np.float64)
+    if not np.isfinite(values).all() or np.sum(values) == 0:
+        named = window if isinstance(window, str | tuple) else "an array"
         raise ValueError(
-            f"window must be an argument of scipy.signal.get_window, such as 'hann' or "
-            f"('kaiser', 8.0); got {window!r}: {error}"
-        ) from error
+            f"window must be finite and must not sum to 0, but the samples of {named!r} are not "
+            f"finite or sum to 0. Choose another window."
+        )
+    return values
+
+
+def detrended(segments: NDArray[np.floating], detrend: Any) -> NDArray[np.floating]:
+    """Remove the mean or the straight line of best fit from each segment, in float64.
+
+    Parameters
+    ----------
+    segments : ndarray of shape (..., n_angles)
+    detrend : {"constant", "linear", None, False}
+
+    Returns
+    -------
+    ndarray of shape (..., n_angles)
+    """
+    segments = segments.astype(np.float64, copy=False)
+    if detrend == "constant":
+        return segments - segments.mean(axis=-1, keepdims=True)
+    return scipy.signal.detrend(segments, axis=-1, type="linear") if detrend else segments

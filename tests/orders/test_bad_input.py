@@ -89,7 +89,19 @@ CASES = [
         )
         for window in ["best", ("best", 3), "kaiser", ("kaiser", "x"), ("hann", 3), ()]
     ],
-    Case("a window given as an array", lambda: psd(window=np.ones(64)), V, "window|get_window"),
+    Case(
+        "a window of wrong length",
+        lambda: psd(window=np.ones(7)),
+        V,
+        "window|64 samples of a segment",
+    ),
+    Case("a window with a nan", lambda: psd(window=np.full(64, np.nan)), V, "window|finite"),
+    Case(
+        "a padded window given as an array",
+        lambda: psd(revolutions=5, window=np.ones(160), short="pad"),
+        V,
+        "recording 0|window by name",
+    ),
     Case("negative max_order", lambda: psd(max_order=-1), V, "max_order|orders"),
     Case(
         "theta_s of zero for rows",

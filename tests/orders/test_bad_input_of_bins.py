@@ -34,6 +34,7 @@ CASES = [
         for name in ("bin_size", "max_order")
         for value, error in [(0, V), (-1, V), (np.nan, V), ("1", T), (None, T)]
     ],
+    Case("tiny bins", lambda: bins(bin_size=1e-300), V, "bin_size = 1e-300|bins up to order 8"),
     Case("edges that are not sorted", lambda: bins(edges=[0, 5, 3]), V, "edges|increase"),
     Case("a negative edge", lambda: bins(edges=[-1, 3]), V, "edges|at least 0"),
     Case("an edge that is no number", lambda: bins(edges=[0, np.nan]), V, "edges|finite"),

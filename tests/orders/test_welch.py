@@ -48,7 +48,7 @@ def assert_same_spectrum(ours, theirs):
 @pytest.mark.parametrize("length", [255, 256])
 @pytest.mark.parametrize("scaling", ["density", "spectrum"])
 @pytest.mark.parametrize("average", ["mean", "median"])
-@pytest.mark.parametrize("detrend", ["constant", False])
+@pytest.mark.parametrize("detrend", ["constant", "linear", False])
 def test_the_order_spectrum_is_that_of_welch(length, scaling, average, detrend):
     signal = noise(2, 5000) + 3
     options = {"scaling": scaling, "average": average, "detrend": detrend}
@@ -62,6 +62,12 @@ def test_every_window_is_that_of_welch(window, length):
     signal = noise(3000)
     ours = order_psd(signal, 50, n_per_segment=length, window=window)
     assert_same_spectrum(ours, filters.welch(signal, 50, window=window, nperseg=length))
+
+
+def test_a_window_may_be_an_array_as_in_welch():
+    signal, window = noise(3000), np.linspace(0.1, 1, 100)
+    ours = order_psd(signal, 50, n_per_segment=100, window=window)
+    assert_same_spectrum(ours, filters.welch(signal, 50, window=window))
 
 
 @given(
@@ -113,6 +119,13 @@ def test_the_density_integrates_to_the_mean_square_under_the_window(window, sign
 
 
 @every_window
+def test_the_density_of_white_noise_is_its_variance_over_the_highest_order(window):
+    orders, psd = order_psd(5 * noise(64 * 4000), 64, window=window)
+    inner = (orders > 1) & (orders < 31)
+    assert psd[inner].mean() == pytest.approx(25 / 32, rel=0.015)
+
+
+@every_window
 @pytest.mark.parametrize("revolutions", [4, 16, 64])
 def test_in_a_spectrum_a_tone_reads_half_its_amplitude_squared(window, revolutions):
     angle = angles(64, 200)
@@ -134,6 +147,24 @@ def test_the_density_of_a_tone_grows_with_the_segment_and_its_integral_does_not(
     # Hann spreads a tone over 1.5 lines.
     np.testing.assert_allclose(peaks, 4.5 / 1.5 * np.array([8, 16, 64]), rtol=1e-9)
     np.testing.assert_allclose(powers, 4.5, rtol=1e-9)
+
+
+def test_the_line_at_half_the_sampling_rate_is_not_doubled():
+    signal = np.tile([1.0, -1.0], 500)
+    orders, spectrum = order_psd(signal, 32, window="boxcar", scaling="spectrum", detrend=None)
+    assert orders[-1] == 16
+    assert spectrum[-1] == pytest.approx(1)
+    assert spectrum[:-1].max() < 1e-20
+
+
+def test_a_mean_stands_at_order_0_unless_it_is_taken_out():
+    signal = np.full(1000, 3.0)
+    for detrend, power in ((None, 9.0), ("constant", 0.0)):
+        _, spectrum = order_psd(
+            signal, 32, revolutions=4, window="boxcar", scaling="spectrum", detrend=detrend
+        )
+        assert spectrum[0] == pytest.approx(power)
+        assert spectrum[1:].max() < 1e-20
 
 
 def test_the_median_is_less_moved_by_a_shock_than_the_mean():
