@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_unmasked, located
-from emacm.decisions.truths import label_list, plain_labels
+from emacm.decisions.costs import label_list, plain_labels
 from emacm.recordings.inputs import RecordingTransformer, described, entry_name, received
 from emacm.recordings.meta import condition_name, listed_recordings, read_meta, sorted_conditions
 

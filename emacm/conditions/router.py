@@ -17,16 +17,17 @@ from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from emacm._checks import check_choice, located
 from emacm._saved import SavedEstimator
-from emacm.decisions.costs import narrowed, stated_costs
+from emacm.decisions.costs import check_classes, label_array
 from emacm.decisions.pipelines import (
     RoutingMixin,
     before_the_last_step,
     check_unknown_states,
     final_estimator,
+    narrowed,
     parameters_of_rows,
+    stated_costs,
 )
 from emacm.decisions.risks import LeastRiskMixin
-from emacm.decisions.truths import check_classes, label_array
 from emacm.recordings.inputs import entry_name, run
 from emacm.recordings.meta import chosen_rows, condition_name, read_meta, sorted_conditions
 

@@ -16,7 +16,7 @@ from emacm._checks import check_choice, check_number, check_table, check_weights
 from emacm._saved import SavedEstimator
 from emacm._statements import warn
 from emacm.calibration.left_out import Array, Indices
-from emacm.decisions.costs import cost_table
+from emacm.decisions.costs import check_classes, cost_table, label_positions, truth_priors
 from emacm.decisions.gaussians import (
     ClassMoments,
     GaussianClasses,
@@ -24,8 +24,7 @@ from emacm.decisions.gaussians import (
     class_moments,
     diagonals,
 )
-from emacm.decisions.left_out_calibration import LeftOutMixin, check_temperature
-from emacm.decisions.truths import check_classes, label_positions, truth_priors
+from emacm.decisions.risks import LeftOutMixin, check_temperature
 
 
 def can_add_recordings(classifier: Any) -> bool:

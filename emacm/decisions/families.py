@@ -11,8 +11,13 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_number, located
-from emacm.decisions.costs import cost_table
-from emacm.decisions.truths import label_array, label_list, label_positions, plain_labels
+from emacm.decisions.costs import (
+    cost_table,
+    label_array,
+    label_list,
+    label_positions,
+    plain_labels,
+)
 
 
 def family_mapping(families: Any) -> dict[Any, Any]:
@@ -21,8 +26,7 @@ def family_mapping(families: Any) -> dict[Any, Any]:
     Parameters
     ----------
     families : mapping
-        Either {state: family}, or {family: states} with lists (or other collections) of states. In
-        the second form, a family with one state of the same name may be written without a list.
+        {family: states}, with lists (or other collections) of states.
 
     Returns
     -------
@@ -34,27 +38,29 @@ def family_mapping(families: Any) -> dict[Any, Any]:
     TypeError
         If `families` is not a mapping, or empty.
     ValueError
-        If a family has no states, a state has two families, the two forms are mixed, or a
-        family has the name of a state of another family.
+        If a family has no list of states, a state has two families, or a family has the name of
+        a state of another family.
 
     Examples
     --------
     >>> family_mapping({"normal": ["normal"], "worn": ["worn1", "worn2"]})
     {'normal': 'normal', 'worn1': 'worn', 'worn2': 'worn'}
-    >>> family_mapping({"normal": "normal", "worn1": "worn", "worn2": "worn"})
-    {'normal': 'normal', 'worn1': 'worn', 'worn2': 'worn'}
     """
     if not isinstance(families, Mapping) or not families:
         raise TypeError(
-            f"families must map each state to its family, as {{'worn1': 'worn'}}, or each family "
-            f"to its states, as {{'worn': ['worn1', 'worn2']}}; got {families!r}."
+            f"families must map each family to its states, as {{'worn': ['worn1', 'worn2']}}; "
+            f"got {families!r}."
         )
     family_of: dict[Any, Any] = {}
-    for state, family in _states_and_families(families):
-        if family_of.setdefault(state, family) != family:
-            raise ValueError(
-                f"families puts the state {state!r} into {family_of[state]!r} and into {family!r}."
-            )
+    for family, states in families.items():
+        if isinstance(states, str) or not np.iterable(states) or not list(states):
+            raise ValueError(f"families must have a list of states for {family!r}, got {states!r}.")
+        for state in plain_labels(states):
+            if family_of.setdefault(state, family) != family:
+                raise ValueError(
+                    f"families puts the state {state!r} into {family_of[state]!r} and into "
+                    f"{family!r}."
+                )
     for family in family_of.values():
         if family_of.get(family, family) != family:
             raise ValueError(
@@ -72,7 +78,7 @@ def as_families(y: ArrayLike, families: Any) -> NDArray[Any]:
     y : array-like of shape (n_recordings,)
         States.
     families : mapping
-        {state: family} or {family: states}, as for `family_costs`.
+        {family: states}, as for `family_costs`.
 
     Returns
     -------
@@ -118,8 +124,8 @@ def family_costs(
     Parameters
     ----------
     families : mapping
-        {family: states} or {state: family}: families of faults, or the maintenance action that
-        each state calls for. See `emacm.decisions.families.family_mapping`.
+        {family: states}: families of faults, or the states that call for each maintenance action.
+        See `emacm.decisions.families.family_mapping`.
     costs : None, array-like, DataFrame or mapping, default=None
         Costs between families, in the forms that `CostSensitiveGaussianBayes` accepts between
         classes: None is 0-1, a mapping is {(decision, true family): cost}, all other entries 0-1
@@ -286,21 +292,6 @@ def _cost_frame(
         rows[decision] = [check_number(value, f"the cost of {decision!r} in other_decisions")]
         rows[decision] *= len(states)
     return pd.DataFrame(list(rows.values()), index=list(rows), columns=states, dtype=float)
-
-
-def _states_and_families(families: Mapping[Any, Any]) -> list[tuple[Any, Any]]:
-    """Return each state and its family, from either form of families."""
-    listed = {name: np.iterable(v) and not isinstance(v, str) for name, v in families.items()}
-    if not any(listed.values()):
-        return [tuple(plain_labels(pair)) for pair in families.items()]
-    pairs = []
-    for family, states in families.items():
-        if not (len(states) if listed[family] else states == family):
-            raise ValueError(
-                f"families must have a list of states for {family!r}, as others; got {states!r}."
-            )
-        pairs += [(s, family) for s in plain_labels(states if listed[family] else [states])]
-    return pairs
 
 
 def _alarm_costs(

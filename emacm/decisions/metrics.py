@@ -11,9 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import check_consistent_length
 
 from emacm._checks import positive_weights
-from emacm.decisions.costs import check_pairs, cost_table
+from emacm.decisions.costs import (
+    check_pairs,
+    cost_table,
+    label_list,
+    label_positions,
+    plain_labels,
+)
 from emacm.decisions.pipelines import final_estimator
-from emacm.decisions.truths import label_list, label_positions, plain_labels
 
 Correct = dict[Any, tuple[Any, ...]]
 

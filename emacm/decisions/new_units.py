@@ -10,7 +10,6 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.special import softmax
 from scipy.stats import mannwhitneyu
-from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_number, group_codes
 from emacm._statements import warn
@@ -42,10 +41,6 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
 
     Attributes
     ----------
-    between_covariance_ : ndarray of shape (n_features, n_features)
-        Covariance of the offset of a unit.
-    within_covariance_ : ndarray of shape (n_features, n_features)
-        Covariance of the recordings of one unit in one class.
     means_ : ndarray of shape (n_classes, n_features)
         Mean of each class over the units (generalised least squares).
     covariances_ : ndarray of shape (n_classes, n_features, n_features)
@@ -83,7 +78,6 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
     unknown_rate = None
     needs_groups = True
     groups_are_units = True
-    _levels: UnitLevels | None = None
     _without_units = True
 
     def __init__(
@@ -131,7 +125,7 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         EmacmWarning
             If there are no `groups`.
         """
-        self._levels, self._without_units = None, groups is None
+        self._without_units = groups is None
         super().fit(X, y, groups=groups)
         if groups is None:
             warn(
@@ -144,21 +138,11 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         table = self._checked_features(X)
         codes = np.searchsorted(self.classes_, np.asarray(y))
         units = group_codes(groups, len(table))
-        self._levels = levels = self._estimated(table, codes, units)
+        levels = self._estimated(table, codes, units)
         if levels.variances.any():  # otherwise exactly as without units
             self._gaussians = levels.gaussians()
             self.means_, self.covariances_ = self._gaussians.means, self._gaussians.covariances
         return self
-
-    @property
-    def between_covariance_(self) -> Array:
-        """Covariance of the offset of a unit, shape (n_features, n_features)."""
-        return self._unit().between
-
-    @property
-    def within_covariance_(self) -> Array:
-        """Covariance of the recordings of a unit in a class, shape (n_features, n_features)."""
-        return self._unit().within
 
     def prediction_sets(self, X, coverage=0.9, groups=None):
         """Return the classes that cannot be excluded for each recording.
@@ -201,7 +185,11 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         """
         coverage = check_number(coverage, "coverage", above=0, below=1)
         posterior = self.predict_proba(X)
-        self._unit()
+        if self._without_units:
+            raise ValueError(
+                "NewUnitClassifier knows no difference between units: it was fitted without "
+                "groups. Call fit with groups=, the unit of each recording."
+            )
         left = self._calibrated("left_out")
         self._warn_of_shift(X, groups, left.typicality, left.units)
         threshold = probability_threshold(
@@ -226,15 +214,6 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
                 f"the true class less often than stated. Train with such units.",
                 stacklevel=3,
             )
-
-    def _unit(self) -> UnitLevels:
-        if self._levels is None:
-            check_is_fitted(self)
-            raise ValueError(
-                "NewUnitClassifier knows no difference between units: it was fitted without "
-                "groups. Call fit with groups=, the unit of each recording."
-            )
-        return self._levels
 
     def _estimated(self, X: Array, codes: Indices, units: Indices) -> UnitLevels:
         """Estimate the covariances from recordings of classes and units numbered from 0."""

@@ -11,10 +11,14 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import located
 from emacm._saved import SavedEstimator
-from emacm.decisions.least_risk import LeastRiskClassifier
+from emacm.calibration.left_out import Array
+from emacm.decisions.costs import check_possible
+from emacm.decisions.least_risk import (
+    CombinedRiskMixin,
+    LeastRiskClassifier,
+    pooled_log_posterior,
+)
 from emacm.decisions.pipelines import groups_are_units, groups_options, uses_groups
-from emacm.decisions.risks import Array, CombinedRiskMixin, pooled_log_posterior
-from emacm.decisions.truths import check_possible
 
 
 class PosteriorProduct(CombinedRiskMixin, ClassifierMixin, SavedEstimator):

@@ -38,8 +38,6 @@ class UnitLevels(NamedTuple):
     ----------
     directions : ndarray of shape (n_features, n_features)
         D, with W = D D' and B diagonal: coordinates along its columns are independent.
-    ratios : ndarray of shape (n_features,)
-        Variance of the offset b along each direction, where that within a unit is 1.
     means : ndarray of shape (n_features, n_classes)
         Expected coordinate, along each direction, of the level in each class.
     variances : ndarray of shape (n_features, n_classes)
@@ -47,19 +45,8 @@ class UnitLevels(NamedTuple):
     """
 
     directions: Array
-    ratios: Array
     means: Array
     variances: Array
-
-    @property
-    def between(self) -> Array:
-        """Covariance B of the offset of a unit, shape (n_features, n_features)."""
-        return (self.directions * self.ratios) @ self.directions.T
-
-    @property
-    def within(self) -> Array:
-        """Covariance W of the recordings of one unit in one class."""
-        return self.directions @ self.directions.T
 
     def gaussians(self) -> GaussianClasses:
         """Return the densities of a recording of the unit in each class."""
@@ -190,7 +177,7 @@ def fit_unit_levels(
     values = population_eigenvalues(values, parts.between_divisor)
     ratios = np.maximum(values - 1, 0) / parts.multiplicity
     directions = within @ white[0] @ vectors if ratios.any() else plain @ of_plain[0]
-    return UnitLevels(directions, ratios, *_class_levels(directions, ratios, X, codes, units))
+    return UnitLevels(directions, *_class_levels(directions, ratios, X, codes, units))
 
 
 def _class_levels(

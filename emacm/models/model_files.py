@@ -24,8 +24,8 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._checks import located
 from emacm._saved import installed_versions, values_as_lists, write_whole
 from emacm._statements import warn
+from emacm.decisions.costs import label_positions
 from emacm.decisions.pipelines import check_unknown_states, fitted_resamplers, parts_of
-from emacm.decisions.truths import label_positions
 from emacm.machine.fault_lines import LineLevels
 
 # Numbers and their descriptions. Modules of scikit-learn that read files or run tests are left out.

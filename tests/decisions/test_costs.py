@@ -12,8 +12,9 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from emacm import ConditionRouter, CostSensitiveGaussianBayes, PosteriorProduct
-from emacm.decisions.costs import cost_table, narrowed, stated_costs
+from emacm.decisions.costs import cost_table
 from emacm.decisions.metrics import expected_cost
+from emacm.decisions.pipelines import narrowed, stated_costs
 
 CLASSES = ["ball", "healthy", "screw"]
 MATRIX = np.array([[0.0, 10.0, 2.0], [5.0, 0.0, 7.0], [1.0, 3.0, 0.0]])

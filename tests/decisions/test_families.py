@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from sklearn.metrics import balanced_accuracy_score
 
 from emacm import CostSensitiveGaussianBayes, as_families, family_costs, set_costs
-from emacm.decisions.families import family_mapping
 
 FAMILIES = {"normal": ["normal"], "spalling": ["spalling1", "spalling2"], "backlash": ["backlash1"]}
 STATES = ["normal", "spalling1", "spalling2", "backlash1"]
@@ -87,22 +86,15 @@ def test_a_label_without_a_family_is_reported_with_its_position():
 # The reader of families
 
 
-def test_families_of_one_state_each_are_read_as_the_family_of_each_state():
-    assert family_mapping({"screw": "bad", "healthy": "ok"}) == {"screw": "bad", "healthy": "ok"}
-    frame = family_costs({"screw": "bad", "healthy": "ok"}, {("ok", "bad"): 7})
-    assert frame.index.tolist() == ["bad", "ok"]
-    assert frame.columns.tolist() == ["screw", "healthy"]
-    assert frame.loc["ok", "screw"] == 7
-
-
 @pytest.mark.parametrize(
     ("families", "options", "error", "message"),
     [
-        (["a"], {}, TypeError, "families must map each state to its family"),
+        (["a"], {}, TypeError, "families must map each family to its states"),
         ({"a": []}, {}, ValueError, "list of states for 'a'"),
+        ({"a": 3}, {}, ValueError, "list of states for 'a', got 3"),
         ({"c": ["y"], "a": ["x"], "b": ["x"]}, {}, ValueError, "state 'x' into 'a' and into 'b'"),
-        ({"a": ["x", "y"], "b": "z"}, {}, ValueError, "for 'b', as others; got 'z'"),
-        ({"a": "b", "b": "c"}, {}, ValueError, "a family 'b' and a state 'b' that belongs to 'c'"),
+        ({"a": ["x", "y"], "b": "z"}, {}, ValueError, "list of states for 'b', got 'z'"),
+        ({"b": ["a"], "c": ["b"]}, {}, ValueError, "family 'b' and a state 'b' .* belongs to 'c'"),
         (
             FAMILIES,
             {"costs": {("normal", "wear"): 1}},

@@ -56,16 +56,15 @@ def test_without_variance_between_units_all_results_are_those_of_the_tied_classi
     later = fleet(seed=1)[0]
     np.testing.assert_array_equal(new.predict_proba(later), plain.predict_proba(later))
     np.testing.assert_array_equal(new.typicality(later), plain.typicality(later))
-    assert not new.between_covariance_.any()
-    np.testing.assert_allclose(new.within_covariance_, plain.covariances_, atol=1e-12)
+    np.testing.assert_allclose(new.covariances_, plain.covariances_, atol=1e-12)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("crossed", [False, True])
 def test_the_covariances_are_found(crossed):
     fitted = NewUnitClassifier(shrinkage=None).fit(*fleet(1000, 6, crossed=crossed))
-    np.testing.assert_allclose(fitted.within_covariance_, WITHIN, atol=0.08)
-    np.testing.assert_allclose(fitted.between_covariance_, BETWEEN, atol=1.0)
+    for covariance in fitted.covariances_:
+        np.testing.assert_allclose(covariance, WITHIN + BETWEEN, atol=1.0)
     np.testing.assert_allclose(fitted.means_[[2, 0, 1]], CENTRES, atol=0.4)
     assert fitted.classes_.tolist() == ["backlash", "dry", "healthy"]
 
@@ -92,9 +91,8 @@ def test_levels_are_those_of_generalised_least_squares_with_dense_matrices(cross
     mean_squares = eigh(between, W, eigvals_only=True)
     corrected = population_eigenvalues(mean_squares, parts.between_divisor)
     ratios = np.maximum(corrected - 1, 0) / parts.multiplicity
-    np.testing.assert_allclose(levels.within, W if ratios.any() else plain)
     D, contrasts = levels.directions, np.array([[1, -1, 0], [1, 1, -2]]).T / np.sqrt([2, 6])
-    np.testing.assert_allclose(levels.between, D @ np.diag(ratios) @ D.T, atol=1e-12)
+    np.testing.assert_allclose(D @ D.T, W if ratios.any() else plain)
     weights = [np.linalg.inv(np.eye(18) + r * Z @ Z.T) for r in ratios]
     information = [C.T @ V @ C for V in weights]
     sums = [C.T @ V @ y for V, y in zip(weights, np.linalg.solve(D, X.T), strict=True)]
@@ -221,13 +219,8 @@ def test_without_groups_there_are_no_units():
         fitted = NewUnitClassifier().fit(X, y)
     plain = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto").fit(X, y)
     np.testing.assert_array_equal(fitted.predict_proba(X), plain.predict_proba(X))
-    for call in (lambda: fitted.prediction_sets(X), lambda: fitted.between_covariance_):
-        with pytest.raises(
-            ValueError, match=r"it was fitted without groups. Call fit with groups="
-        ):
-            call()
-    for name in ("between_covariance_", "within_covariance_"):
-        assert not hasattr(NewUnitClassifier(), name)
+    with pytest.raises(ValueError, match=r"it was fitted without groups. Call fit with groups="):
+        fitted.prediction_sets(X)
 
 
 @pytest.mark.filterwarnings("ignore:NewUnitClassifier was fitted without groups:UserWarning")

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.special import logsumexp
 
-from emacm.decisions.risks import pooled_log_posterior
+from emacm.decisions.least_risk import pooled_log_posterior
 
 HALF = [0.5, 0.5]
 
