@@ -12,7 +12,7 @@ from sklearn.utils.metaestimators import available_if
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d, validate_data
 
-from emacm._checks import check_choice, check_number, check_table, check_weights, positive_weights
+from emacm._checks import check_choice, check_number, check_table, positive_weights
 from emacm._saved import SavedEstimator
 from emacm._statements import warn
 from emacm.calibration.left_out import Array, Indices
@@ -277,13 +277,11 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
         X, y = validate_data(self, X, y, dtype=np.float64, reset=known is None)
         check_classification_targets(y)
         labels = agreed_classes(classes, known)
-        weight = check_weights(sample_weight, len(X))
+        weight = positive_weights(sample_weight, len(X))
         codes = np.array(label_positions(y.tolist(), labels.tolist(), "y", "class"), np.intp)
         moments = class_moments(X, codes, len(labels), weight, self.covariance, self.shrinkage)
         if known is not None:
             moments = self._moments.merge(moments)
-        if not moments.counts.sum() > 0:
-            raise ValueError("sample_weight must not be zero for every recording.")
         gaussians = class_gaussians(moments, self.covariance, self.shrinkage)
         self._set_fitted(labels, moments, gaussians)
         return self
@@ -319,10 +317,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
             )
         with np.errstate(divide="ignore"):
             log_priors = np.log(priors)
-        joint = self._gaussians.log_densities(X)
-        if self.temperature is not None:
-            joint /= self.temperature_
-        joint += log_priors
+        joint = self._gaussians.log_densities(X) / self.temperature_ + log_priors
         undefined = np.isneginf(joint.max(axis=1))
         if self.unknown is not None:
             joint[undefined] = log_priors  # nothing tells the classes apart; it is unknown

@@ -411,23 +411,6 @@ def check_pairs(cost: Mapping[Any, Any]) -> None:
             )
 
 
-def numbered_classes_hint(label: Any, classes: Sequence[Any]) -> str:
-    """Return the remedy where scikit-learn has numbered the classes, and `label` is a name.
-
-    Examples
-    --------
-    >>> numbered_classes_hint("worn", ["healthy", "screw"])
-    ''
-    """
-    if not isinstance(label, str) or any(isinstance(known, str) for known in classes):
-        return ""
-    return (
-        " Meta-estimators of scikit-learn pass classes as numbers. State costs and priors outside: "
-        "LeastRiskClassifier(VotingClassifier(...), cost=..., priors=...). "
-        'cross_val_predict(method="predict_proba") needs no costs, and priors as an array.'
-    )
-
-
 def _stated_pairs(
     cost: Any, known: list[Any], truths: list[Any]
 ) -> tuple[list[Any], dict[tuple[Any, Any], Any]]:
@@ -477,10 +460,7 @@ def _check_axes(cost: pd.DataFrame) -> None:
 
 def _square(cost: Any, known: list[Any], truths: list[Any]) -> NDArray[Any]:
     """Return costs that are given as an array, in the order of the classes."""
-    try:
-        array = np.asarray(cost)
-    except ValueError as error:
-        raise ValueError(f"cost must be a rectangular array of numbers: {error}.") from error
+    array = check_real_array(cost, "cost")
     if array.shape not in {(len(known),) * 2, (len(truths),) * 2}:
         raise ValueError(
             f"cost must be a square array of shape {(len(known),) * 2}, rows = decisions and "
@@ -497,7 +477,14 @@ def _check_labels(
     for _, truth in stated:
         if truth not in truths:
             text = f"cost names the class {truth!r} as a truth, which is unknown. Known: {truths}."
-            raise ValueError(text + numbered_classes_hint(truth, known))
+            if isinstance(truth, str) and not any(isinstance(label, str) for label in known):
+                text += (  # they were numbered
+                    " Meta-estimators of scikit-learn pass classes as numbers. State costs and "
+                    "priors outside: LeastRiskClassifier(VotingClassifier(...), cost=..., "
+                    'priors=...). cross_val_predict(method="predict_proba") needs no costs, and '
+                    "priors as an array."
+                )
+            raise ValueError(text)
     for decision in rows:
         missing = [truth for truth in known if (decision, truth) not in stated]
         if decision not in truths and missing:

@@ -176,7 +176,15 @@ def family_costs(
     family_of = family_mapping(families)
     names = list(dict.fromkeys(family_of.values()))
     if missed_cost != 1 or false_alarm_cost != 1 or healthy is not None:
-        costs = _alarm_costs(costs, names, healthy, missed_cost, false_alarm_cost)
+        if healthy not in names or not isinstance(costs, Mapping | None):
+            raise ValueError(
+                f"missed_cost and false_alarm_cost need healthy, one of {names}, and no complete "
+                f"table of costs; got healthy = {healthy!r} and costs = {costs!r}."
+            )
+        faults = [family for family in names if family != healthy]
+        missed = {(healthy, fault): missed_cost for fault in faults}
+        false_alarms = {(fault, healthy): false_alarm_cost for fault in faults}
+        costs = missed | false_alarms | dict(costs or {})
     with located("costs between families (the classes are the families here)"):
         decisions, matrix = cost_table(costs, label_array(names))
     matrix = matrix[:, [names.index(family) for family in family_of.values()]]
@@ -292,23 +300,3 @@ def _cost_frame(
         rows[decision] = [check_number(value, f"the cost of {decision!r} in other_decisions")]
         rows[decision] *= len(states)
     return pd.DataFrame(list(rows.values()), index=list(rows), columns=states, dtype=float)
-
-
-def _alarm_costs(
-    costs: Any, families: list[Any], healthy: Any, missed: float, false_alarm: float
-) -> dict[Any, Any]:
-    """Return costs between families that contain those of missed detections and false alarms."""
-    if healthy not in families:
-        raise ValueError(
-            f"missed_cost and false_alarm_cost need healthy, one of {families}; got {healthy!r}."
-        )
-    if not isinstance(costs, Mapping | None):
-        raise ValueError(
-            "costs is a complete table: give a mapping, or omit healthy and the costs that need it."
-        )
-    faults = [family for family in families if family != healthy]
-    return (
-        {(healthy, fault): missed for fault in faults}
-        | {(fault, healthy): false_alarm for fault in faults}
-        | dict(costs or {})
-    )

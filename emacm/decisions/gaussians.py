@@ -434,7 +434,11 @@ class ClassMoments:
         share = np.divide(other.counts, counts, out=np.zeros_like(counts), where=counts > 0)
         step = other.means - self.means  # a class without recordings has the mean 0, of no weight
         means = self.means + share[:, np.newaxis] * step
-        between = _scatter_of_rows(step, self.counts * share, self.scatter.ndim)
+        weight = self.counts * share
+        if self.scatter.ndim == 2:  # variances only
+            between = weight[:, np.newaxis] * step**2
+        else:
+            between = np.einsum("k,kf,kg->kfg", weight, step, step)
         if self.pooled:
             between = between.sum(axis=0, keepdims=True)
         return ClassMoments(counts, means, self.scatter + other.scatter + between, self.pooled)
@@ -527,10 +531,3 @@ def diagonals(matrices: Array) -> Array:
     array([[1., 4.]])
     """
     return matrices if matrices.ndim == 2 else np.diagonal(matrices, axis1=1, axis2=2)
-
-
-def _scatter_of_rows(rows: Array, weight: Array, ndim: int) -> Array:
-    """Return one weighted outer product (or square, if `ndim` is 2) per row."""
-    if ndim == 2:
-        return weight[:, np.newaxis] * rows**2
-    return weight[:, np.newaxis, np.newaxis] * rows[:, :, np.newaxis] * rows[:, np.newaxis, :]

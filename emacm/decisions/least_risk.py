@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import logsumexp
 from sklearn.base import ClassifierMixin, MetaEstimatorMixin, clone
-from sklearn.utils import check_consistent_length, get_tags
+from sklearn.utils import get_tags
 from sklearn.utils.class_weight import compute_class_weight
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.multiclass import check_classification_targets
@@ -250,13 +250,10 @@ class LeastRiskClassifier(
             If a parameter or an input is invalid, the estimator has no `predict_proba`, does not
             accept an argument, or was trained on other classes.
         """
-        if isinstance(self.estimator, type) or not hasattr(self.estimator, "fit"):
-            raise TypeError(f"estimator must be a classifier, got {self.estimator!r}.")
         check_unknown_states(self.estimator)
         check_classes(y)
         check_classification_targets(y)
         y = column_or_1d(y, warn=True)
-        check_consistent_length(X, y)
         classes, codes = np.unique(y, return_inverse=True)
         unknown = getattr(final_estimator(self.estimator), "unknown", None)
         cost_table(self.cost, classes, unknown)

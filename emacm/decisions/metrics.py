@@ -305,9 +305,4 @@ def _metric_classes(cost: Any, truths: list[Any], chosen: list[Any]) -> NDArray[
         check_pairs(cost)
         decisions, causes = (set(labels) for labels in zip(*cost, strict=True))
         found = {*truths, *causes, *(set(chosen) - decisions)}
-    try:
-        return np.asarray(sorted(found))
-    except TypeError as error:
-        raise ValueError(
-            f"labels of different types have no order: {list(found)}. Give labels=..., the classes."
-        ) from error
+    return np.asarray(sorted(found))

@@ -133,19 +133,18 @@ def groups_options(estimator: Any, groups: Any) -> dict[str, Any]:
     if get_config()["enable_metadata_routing"]:
         names = metadata_routing.get_routing_for_object(estimator).consumes("fit", ["groups"])
     else:
-        names = _groups_parameters(estimator)
+        names = groups_parameters(estimator)
     return dict.fromkeys(names, groups)
 
 
-def uses_groups(estimator: Any) -> bool:
-    """Return whether `fit` learns anything from left-out groups."""
-    return bool(_groups_parameters(estimator))
+def groups_parameters(estimator: Any) -> list[str]:
+    """Return the names of the arguments of `fit` that are groups from which anything is learned.
 
-
-def _groups_parameters(estimator: Any) -> list[str]:
+    Without scikit-learn's metadata routing.
+    """
     if isinstance(estimator, Pipeline):
         return [
-            f"{step}__{name}" for step, part in estimator.steps for name in _groups_parameters(part)
+            f"{step}__{name}" for step, part in estimator.steps for name in groups_parameters(part)
         ]
     if has_fit_parameter(estimator, "groups"):
         unknown, temperature = (getattr(estimator, n, None) for n in ("unknown", "temperature"))
@@ -153,7 +152,7 @@ def _groups_parameters(estimator: Any) -> list[str]:
         return ["groups"] if needed or unknown is not None or temperature == "groups" else []
     # Searches and routers pass what `fit` gets on to the estimator inside.
     inner = getattr(estimator, "estimator", None)
-    return [] if inner is None else _groups_parameters(inner)
+    return [] if inner is None else groups_parameters(inner)
 
 
 def groups_are_units(estimator: Any) -> bool:
@@ -381,7 +380,5 @@ def _priors_of_some(priors: Any, absent: Mapping[int, Any], every: Sequence[Any]
     kept = pd.Series(dict(priors) if is_named else priors, labels)
     kept = kept.drop([*absent.values()], errors="ignore")
     is_class = kept.index.isin(every)
-    if not kept[is_class].sum() > 0:
-        return priors
     kept[is_class] *= (1 - kept[~is_class].sum()) / kept[is_class].sum()
     return kept.to_dict() if is_named else kept.to_numpy()

@@ -18,7 +18,7 @@ from emacm.decisions.least_risk import (
     LeastRiskClassifier,
     pooled_log_posterior,
 )
-from emacm.decisions.pipelines import groups_are_units, groups_options, uses_groups
+from emacm.decisions.pipelines import groups_are_units, groups_options, groups_parameters
 
 
 class PosteriorProduct(CombinedRiskMixin, ClassifierMixin, SavedEstimator):
@@ -102,7 +102,7 @@ class PosteriorProduct(CombinedRiskMixin, ClassifierMixin, SavedEstimator):
     @property
     def needs_groups(self) -> bool:
         """Whether a member learns from groups."""
-        return any(uses_groups(member) for member in self._named_pairs().values())
+        return any(groups_parameters(member) for member in self._named_pairs().values())
 
     @property
     def groups_are_units(self) -> bool:

@@ -157,9 +157,6 @@ def save_model(
         raise TypeError(f"model must be a fitted estimator, got {type(model).__name__}.")
     check_is_fitted(model)
     check_unknown_states(model)
-    file = Path(path)
-    if not file.parent.is_dir():
-        raise FileNotFoundError(f"there is no folder {str(file.parent)!r}.")
     if healthy is not None:
         label_positions([healthy], np.asarray(model.classes_).tolist(), "healthy", "class")
         model.healthy_ = healthy
@@ -178,7 +175,7 @@ def save_model(
             raise
     about = json.dumps(_description(model, note, evidence), default=str).encode()
     body = len(about).to_bytes(8, "little") + about + stored
-    write_whole(file, _START + sha256(body).hexdigest().encode() + b"\n" + body)
+    write_whole(Path(path), _START + sha256(body).hexdigest().encode() + b"\n" + body)
 
 
 def load_model(path: str | os.PathLike[str]) -> Any:

@@ -166,8 +166,6 @@ def check_model(model: Any) -> list[Any]:
         If it is not a classifier with `predict_proba`, not fitted, or hides the unknown state of
         a classifier inside.
     """
-    if isinstance(model, type) or not hasattr(model, "fit"):
-        raise TypeError(f"model must be a fitted classifier of recordings, got {model!r}.")
     check_is_fitted(model)
     if not hasattr(model, "predict_proba"):
         raise TypeError(

@@ -14,8 +14,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm import CostSensitiveGaussianBayes, NewUnitClassifier
 from emacm.decisions.gaussians import population_eigenvalues
-from emacm.decisions.new_units import probability_threshold
-from emacm.decisions.unit_effects import fit_unit_levels, unit_scatter
+from emacm.decisions.new_units import fit_unit_levels, probability_threshold, unit_scatter
 
 STATES = np.array(["healthy", "backlash", "dry"])  # not in alphabetical order
 CENTRES = np.array([[0.0, 1.0, 0.0], [4.0, 1.0, -2.0], [0.0, 5.0, 3.0]])

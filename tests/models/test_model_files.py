@@ -297,7 +297,7 @@ def test_foreign_types_are_refused_by_name(tmp_path, step, message):
 @pytest.mark.parametrize(
     ("model", "folder", "error", "message"),
     [
-        (clone(BAYES).fit(RNG.normal(size=(24, 3)), STATES), "later", FileNotFoundError, "folder"),
+        (clone(BAYES).fit(RNG.normal(size=(24, 3)), STATES), "later", FileNotFoundError, "later"),
         (3, "", TypeError, "must be"),
         (StandardScaler, "", TypeError, "must be"),
         (clone(BAYES), "", NotFittedError, "not fitted yet"),
