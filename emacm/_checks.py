@@ -211,12 +211,8 @@ def first_non_number(values: Any, array: NDArray[Any]) -> str:
 
 def group_codes(groups: Any, n_recordings: int) -> NDArray[np.intp]:
     """Return the number of the group of each recording, in the order of their first appearance."""
-    if getattr(groups, "ndim", 1) != 1:
-        raise ValueError(
-            f"groups must be one-dimensional, with one label for each of the {n_recordings} "
-            f"recordings, got shape {groups.shape}. Pass one column, such as the unit."
-        )
-    labels = Series(groups)
+    with located("groups must be one column, such as the unit"):
+        labels = Series(groups)
     if len(labels) != n_recordings:
         raise ValueError(
             f"groups must have a label for each of {n_recordings} recordings, got {len(labels)}."

@@ -22,7 +22,6 @@ from emacm.decisions.gaussians import (
     GaussianClasses,
     class_gaussians,
     class_moments,
-    diagonals,
 )
 from emacm.decisions.risks import LeftOutMixin, check_temperature
 
@@ -399,20 +398,13 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
                 "The largest variance of the features is 0: all recordings have the same features, "
                 "so classes cannot be separated. Check the features."
             )
-        thin = (moments.divisors <= 0) & diagonals(moments.scatter).any(axis=1)
-        if thin.any():
-            raise ValueError(
-                f"sample_weight is the number of times a recording is counted, but "
-                f"{self._named(thin)} has a total weight of {counts[thin].tolist()}, of which one "
-                f"is subtracted. Multiply the weights by a constant."
-            )
         singular = self._gaussians.singular & (counts > 0)
         if not singular.any():
             return
         what = f"The covariance of {self._named(singular)} is singular"
         remedy = (
             'Use shrinkage="oas" or "auto", fewer features (by PCA), or more recordings, at least '
-            "two per class."
+            "two per class (sample_weight is the number of times that one is counted)."
         )
         if self.shrinkage is not None:
             raise ValueError(f"{what} with shrinkage={self.shrinkage!r}. {remedy}")

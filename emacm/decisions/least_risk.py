@@ -415,7 +415,6 @@ def pooled_log_posterior(
 
 def _finite(logs: Array) -> Array:
     """Replace the logarithm of 0 by that of the smallest number that it may stand for."""
-    zero = np.isneginf(logs)
     tiny = np.log(np.finfo(np.float64).tiny)
-    least = np.where(zero, tiny, logs).min(axis=1, keepdims=True)
-    return np.maximum(np.where(zero, least, logs), -1e300)  # sums do not overflow
+    least = np.where(np.isneginf(logs), tiny, logs).min(axis=1, keepdims=True)
+    return np.maximum(logs, np.maximum(least, -1e300))  # sums do not overflow

@@ -1,8 +1,7 @@
 """Gaussian classifier for units that were not in training, which differ by an offset.
 
-It is a mixed model with a random effect of each unit.
-
-A recording of unit u in class k is z = m_k + b_u + e. The offset b_u of a unit is the same in all
+The model is a mixed one, with a random effect of each unit: a recording of unit u in class k is
+z = m_k + b_u + e. The offset b_u of a unit is the same in all
 classes, with covariance B over the units; e varies from recording to recording with covariance W.
 Along suitable directions both are uncorrelated, and each direction is a model of its own.
 
@@ -221,16 +220,14 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         )
         return classes_above(posterior, threshold)
 
-    def _warn_of_shift(
-        self, X: Any, groups: Any, known: Array, units: Indices, *, level: float = 0.05
-    ) -> None:
+    def _warn_of_shift(self, X: Any, groups: Any, known: Array, units: Indices) -> None:
         """Warn if units are less typical than those of the training were when left out."""
         typicality = pd.Series(self.typicality(X))
         labels = np.zeros(len(typicality)) if groups is None else groups
         new = typicality.groupby(group_codes(labels, len(typicality))).mean()
         usual = pd.Series(known).groupby(units).mean()
         probability = mannwhitneyu(new, usual, alternative="less").pvalue
-        if probability < level:
+        if probability < 0.05:
             warn(
                 "shifted units",
                 f"{len(new)} units with a mean typicality of {new.mean():.2g} are less "
@@ -408,15 +405,10 @@ def unit_scatter(X: Array, codes: Indices, units: Indices) -> UnitScatter:
     explained = deviations - rest
     rank += len(counts)  # of the classes and the units together
     within, between = len(X) - int(rank), int(rank) - len(totals)
-    if between < 1:
+    if between < 1 or within < 1:
         raise ValueError(
-            "no class was recorded on two units, so that units and classes cannot be told apart. "
-            "Record one class on two units, or use CostSensitiveGaussianBayes."
-        )
-    if within < 1:
-        raise ValueError(
-            "no unit has recordings beyond one, so that the variance within units is unknown. "
-            "Record units several times, or use CostSensitiveGaussianBayes."
+            "the variances within and between units cannot be told apart. Record one class on two "
+            "units, and units several times, or use CostSensitiveGaussianBayes."
         )
     shared = float(np.sum(counts**2 / totals))
     return UnitScatter(

@@ -10,7 +10,7 @@ import sys
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import is_dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -25,7 +25,12 @@ from emacm._checks import located
 from emacm._saved import installed_versions, values_as_lists, write_whole
 from emacm._statements import warn
 from emacm.decisions.costs import label_positions
-from emacm.decisions.pipelines import check_unknown_states, fitted_resamplers, parts_of
+from emacm.decisions.pipelines import (
+    check_unknown_states,
+    final_estimator,
+    fitted_resamplers,
+    parts_of,
+)
 from emacm.machine.fault_lines import LineLevels
 
 # Numbers and their descriptions. Modules of scikit-learn that read files or run tests are left out.
@@ -45,18 +50,6 @@ def _check_types(names: Sequence[str]) -> None:
             f"of emacm and scikit-learn and functions of NumPy or SciPy (of a search, save the "
             f"best_estimator_), or joblib.dump."
         )
-
-
-@contextmanager
-def _readable() -> Iterator[None]:
-    """Give any error of skops the remedy."""
-    try:
-        yield
-    except Exception as error:
-        raise ValueError(
-            f"it cannot be read ({type(error).__name__}: {error}). Save the model again, with "
-            f"the versions installed here: {installed_versions()}."
-        ) from error
 
 
 def _is_trusted(name: str) -> bool:
@@ -222,11 +215,16 @@ def load_model(path: str | os.PathLike[str]) -> Any:
     skops = _skops()
     with located(f"model {path}"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # versions are compared below, all at once
-        with _readable():
+        try:
             types = skops.get_untrusted_types(data=stored)
+            is_safe = all(map(_is_trusted, types))
+            model = skops.loads(stored, trusted=types) if is_safe else None
+        except Exception as error:
+            raise ValueError(
+                f"it cannot be read ({type(error).__name__}: {error}). Save the model again, with "
+                f"the versions installed here: {installed_versions()}."
+            ) from error
         _check_types(types)
-        with _readable():
-            model = skops.loads(stored, trusted=types)
         differ = _differences(about["versions"])
         _replay(model, about["check"], differ)
     if differ:
@@ -333,10 +331,9 @@ def _differences(saved: Mapping[str, str]) -> str:
 
 
 def _plain(model: Any, name: str) -> Any:
-    """Return an attribute of the model, or of its last step, as lists; None if it has none."""
-    for part in (model, *(step for _, step in getattr(model, "steps", ())[-1:])):
-        with suppress(AttributeError, ValueError, TypeError):
-            return np.asarray(getattr(part, f"{name}_")).tolist()
+    """Return an attribute of the last step of a model as lists; None if it has none."""
+    with suppress(AttributeError, ValueError, TypeError):
+        return np.asarray(getattr(final_estimator(model), f"{name}_")).tolist()
     return None
 
 

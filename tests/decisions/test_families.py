@@ -106,7 +106,7 @@ def test_a_label_without_a_family_is_reported_with_its_position():
         (FAMILIES, {"other_decisions": {"inspect": "x"}}, TypeError, "cost of 'inspect'"),
         (FAMILIES, {"missed_cost": 10}, ValueError, "need healthy, one of"),
         (FAMILIES, {"healthy": "normal", "missed_cost": "x"}, TypeError, "must be a number"),
-        (FAMILIES, {"healthy": "normal", "costs": np.eye(3)}, ValueError, "a complete table"),
+        (FAMILIES, {"healthy": "normal", "costs": np.eye(3)}, ValueError, "no complete table"),
     ],
 )
 def test_invalid_families_and_costs_are_refused(families, options, error, message):

@@ -189,7 +189,7 @@ def test_unknown_states_and_temperature():
     [
         ([4] * 6, "hhhddd", "no class has recordings in two groups"),
         ([1, 1, 1, 2, 2, 2], "hhhddd", "no class has recordings in two groups"),
-        ([1, 2, 3, 4, 5, 6], "hhhddd", "no unit has recordings beyond one"),
+        ([1, 2, 3, 4, 5, 6], "hhhddd", "and units several times"),
         ([1, 1, 2], "hhhddd", "groups must have a label for each of 6 recordings, got 3"),
     ],
 )
