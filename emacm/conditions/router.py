@@ -147,8 +147,7 @@ class ConditionRouter(
             a single class, or a classifier raises an error (the message gives the condition).
         """
         check_choice(self.unseen, "unseen", ("raise", "pooled"))
-        is_estimator = hasattr(self.estimator, "fit") and not isinstance(self.estimator, type)
-        if not is_estimator or not is_classifier(self.estimator):
+        if not is_classifier(clone(self.estimator)):
             raise TypeError(
                 f"estimator must be a classifier or a pipeline that ends in one; got "
                 f"{self.estimator!r}."

@@ -401,7 +401,10 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
         singular = self._gaussians.singular & (counts > 0)
         if not singular.any():
             return
-        what = f"The covariance of {self._named(singular)} is singular"
+        named = "all classes"
+        if not moments.pooled:
+            named = "class " + ", ".join(map(repr, self.classes_[singular].tolist()))
+        what = f"The covariance of {named} is singular"
         remedy = (
             'Use shrinkage="oas" or "auto", fewer features (by PCA), or more recordings, at least '
             "two per class (sample_weight is the number of times that one is counted)."
@@ -410,11 +413,6 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
             raise ValueError(f"{what} with shrinkage={self.shrinkage!r}. {remedy}")
         raised = "its eigenvalues were raised to 1e-9 of the largest feature variance"
         warn("singular", f"{what}; {raised}. {remedy}", stacklevel=stacklevel)
-
-    def _named(self, groups: NDArray[np.bool_]) -> str:
-        if self._moments.pooled:
-            return "all classes"
-        return "class " + ", ".join(repr(label) for label in self.classes_[groups].tolist())
 
 
 def as_counts(weight: Array, shrinkage: Any) -> Array:

@@ -15,7 +15,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils import metadata_routing
 from sklearn.utils.validation import has_fit_parameter
 
-from emacm.decisions.costs import check_pairs, plain_labels
+from emacm.decisions.costs import plain_labels
 from emacm.recordings.meta import chosen_rows
 from emacm.resampling.order_resampler import OrderResampler
 
@@ -363,7 +363,6 @@ def _cost_of_some(cost: Any, absent: Mapping[int, Any], every: Sequence[Any]) ->
     if isinstance(cost, pd.DataFrame):
         return cost.drop(columns=[*absent.values()], errors="ignore")
     if isinstance(cost, Mapping):
-        check_pairs(cost)
         named = set(absent.values())
         return {pair: value for pair, value in cost.items() if not named & set(pair)}
     if np.shape(cost) not in {(n_classes,) * 2, (n_classes + 1,) * 2}:  # such as None

@@ -6,7 +6,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 from sklearn.base import ClassifierMixin
-from sklearn.utils import Bunch
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import located
@@ -135,7 +134,7 @@ class PosteriorProduct(CombinedRiskMixin, ClassifierMixin, SavedEstimator):
                 fitted[name] = LeastRiskClassifier(member).fit(X, y, **options)
         self._members = fitted
         self.classes_ = next(iter(fitted.values())).classes_
-        self.named_estimators_ = Bunch(**{name: m.estimator_ for name, m in fitted.items()})
+        self.named_estimators_ = {name: m.estimator_ for name, m in fitted.items()}
         self.estimators_ = list(self.named_estimators_.values())
         self._cost_table()
         self._agreed("unknown_rate")

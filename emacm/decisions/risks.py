@@ -40,15 +40,6 @@ from emacm.decisions.typicality import (
 )
 
 
-def has_unknown(classifier: Any) -> bool:
-    """Return True if there is an unknown state; otherwise an AttributeError states the remedy."""
-    if classifier.unknown is None:
-        raise AttributeError(
-            'unknown_proba needs the label of an unknown state, such as unknown="unknown".'
-        )
-    return True
-
-
 class LeastRiskMixin:
     """Decisions of least conditional risk, Eq. (2.43), from `predict_log_proba`.
 
@@ -99,7 +90,7 @@ class LeastRiskMixin:
         """
         return self._truth_priors()[1]
 
-    @available_if(has_unknown)
+    @available_if(lambda self: self.unknown is not None)
     def unknown_proba(self, X, typicality=None):
         """Return the probability that the true state is unknown.
 

@@ -146,8 +146,6 @@ def save_model(
     >>> loaded.predict([[2.0]]).tolist() == model.predict([[2.0]]).tolist()
     True
     """
-    if isinstance(model, type) or not isinstance(model, BaseEstimator):
-        raise TypeError(f"model must be a fitted estimator, got {type(model).__name__}.")
     check_is_fitted(model)
     check_unknown_states(model)
     if healthy is not None:

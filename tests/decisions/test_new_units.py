@@ -236,15 +236,3 @@ def test_units_of_another_kind_are_stated_with_their_sets(model, shift, warned):
         warnings.simplefilter("always")
         model.prediction_sets(later, groups=units)
     assert [str(x.message)[:8] for x in caught] == ["10 units"] * warned
-
-
-@pytest.mark.slow
-def test_units_of_the_same_kind_are_seldom_called_another_kind(model):
-    found = []
-    for seed in range(100):
-        codes, units = np.arange(60) % 3, np.arange(60) // 6
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            model.prediction_sets(draw(codes, units, seed)[0], groups=units)
-        found.append(len(caught))
-    assert np.mean(found) < 0.1

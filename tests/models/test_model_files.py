@@ -298,8 +298,8 @@ def test_foreign_types_are_refused_by_name(tmp_path, step, message):
     ("model", "folder", "error", "message"),
     [
         (clone(BAYES).fit(RNG.normal(size=(24, 3)), STATES), "later", FileNotFoundError, "later"),
-        (3, "", TypeError, "must be"),
-        (StandardScaler, "", TypeError, "must be"),
+        (3, "", TypeError, "not an estimator instance"),
+        (StandardScaler, "", TypeError, "is a class, not an instance"),
         (clone(BAYES), "", NotFittedError, "not fitted yet"),
         (clone(make_pipeline(StandardScaler(), BAYES)), "", NotFittedError, "not fitted yet"),
     ],
