@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -257,8 +257,6 @@ def truth_labels(classes: NDArray[Any], unknown: Any) -> NDArray[Any]:
     """
     if unknown is None:
         return classes
-    if not isinstance(unknown, Hashable) or unknown != unknown:
-        raise TypeError(f"unknown must be a label such as 'unknown', or None; got {unknown!r}.")
     known = plain_labels(classes.tolist())
     if unknown in known:
         raise ValueError(

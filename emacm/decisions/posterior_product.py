@@ -168,10 +168,8 @@ class PosteriorProduct(CombinedRiskMixin, ClassifierMixin, SavedEstimator):
         """Return parameters; with `deep`, also members, and theirs as ``name__parameter``."""
         parameters = super().get_params()
         for name, member in self._named_pairs().items() if deep else ():
-            parameters[name] = member
-            if hasattr(member, "get_params"):
-                inner = member.get_params(deep=True)
-                parameters |= {f"{name}__{key}": value for key, value in inner.items()}
+            inner = member.get_params(deep=True)
+            parameters |= {name: member} | {f"{name}__{key}": inner[key] for key in inner}
         return parameters
 
     def set_params(self, **params):

@@ -57,10 +57,7 @@ def _is_trusted(name: str) -> bool:
     module, _, short = name.replace("numpy.core._multiarray_umath", "numpy").rpartition(".")
     if not _TRUSTED.fullmatch(module):  # NumPy 1 names the module of its functions
         return False
-    try:
-        found: Any = getattr(importlib.import_module(module), short, None)
-    except ImportError:
-        return False
+    found: Any = getattr(importlib.import_module(module), short, None)
     if module == "numpy":
         return isinstance(found, np.ufunc) or found is np.dtype
     if not isinstance(found, type):

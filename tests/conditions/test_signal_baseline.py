@@ -225,7 +225,7 @@ BAD_FITS = [
     ({}, [run()], ["healthy"], r"recording 0 \(load=20\) is over time; put an OrderResampler"),
     ({}, travel, ["healthy"], "needs strokes of one direction each"),
     ({}, mixed, ["healthy"] * 2, r"recording 1 .* has no channel 'torque'"),
-    ({"baseline_recordings": run()}, one, ["healthy"], "must be None or a list of recordings"),
+    ({"baseline_recordings": run()}, one, ["healthy"], "baseline_recordings: .* not iterable"),
     ({"baseline_recordings": [NO_LOAD]}, one, ["healthy"], "baseline_recordings: .* key 'load'"),
     ({"baseline_recordings": [OTHER_CHANNEL]}, one, ["healthy"], "has no channel 'current'"),
     ({"baseline_recordings": coarse}, one, ["healthy"], "baseline_recordings: .* theta_s"),

@@ -362,7 +362,7 @@ def test_a_forged_file_with_a_correct_digest_executes_nothing(saved, name):
 
     rewritten(saved, forged)
     EXECUTED.clear()
-    with pytest.raises(TypeError, match=f"{name[0]}.{name[1]}"):
+    with pytest.raises((TypeError, ValueError), match=name[0]):
         load_model(saved)
     assert not EXECUTED
 
