@@ -402,19 +402,15 @@ def pooled_log_posterior(
     array([[0.059, 0.941]])
     """
     shared, own = np.asarray(priors, dtype=np.float64), np.asarray(member_priors, dtype=np.float64)
-    possible = shared > 0
+    possible, tiny = shared > 0, np.log(np.finfo(np.float64).tiny)
     pooled = np.full((len(np.asarray(log_posteriors[0])), len(shared)), -np.inf)
     pooled[:, possible] = np.log(shared[possible])
     for logs, prior in zip(log_posteriors, own, strict=True):
         # log p(k|x_1..x_m) = log P(k) + sum_j [log p_j(k|x_j) - log P_j(k)] + constant
-        likelihood = _finite(np.asarray(logs, dtype=np.float64)[:, possible])
-        likelihood = likelihood - np.log(prior[possible])
+        likelihood = np.asarray(logs, dtype=np.float64)[:, possible]
+        # The logarithm of 0 becomes that of the smallest number that it may stand for.
+        least = np.where(np.isneginf(likelihood), tiny, likelihood).min(axis=1, keepdims=True)
+        likelihood = np.maximum(likelihood, np.maximum(least, -1e300))  # sums do not overflow
+        likelihood -= np.log(prior[possible])
         pooled[:, possible] += likelihood - likelihood.max(axis=1, keepdims=True)
     return pooled - logsumexp(pooled, axis=1, keepdims=True)
-
-
-def _finite(logs: Array) -> Array:
-    """Replace the logarithm of 0 by that of the smallest number that it may stand for."""
-    tiny = np.log(np.finfo(np.float64).tiny)
-    least = np.where(np.isneginf(logs), tiny, logs).min(axis=1, keepdims=True)
-    return np.maximum(logs, np.maximum(least, -1e300))  # sums do not overflow

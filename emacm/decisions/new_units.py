@@ -36,7 +36,6 @@ from emacm.decisions.gaussians import (
     class_gaussians,
     class_moments,
     inverse_factor,
-    population_eigenvalues,
     shrink,
     shrinkage_coefficients,
 )
@@ -83,7 +82,7 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
     widens the densities too. Covariances are estimated from mean squares (`fit_unit_levels` in this
     module); with few units they are uncertain, which the densities do not
     contain; ``temperature="groups"`` and `prediction_sets` determine this uncertainty from left-out
-    units. `evaluate` passes `runs` as groups if `runs` are given: give `units` only.
+    units. `evaluate` passes its `units` as groups, or `runs` where there are none.
 
     Examples
     --------
@@ -460,6 +459,57 @@ def fit_unit_levels(
     ratios = np.maximum(values - 1, 0) / parts.multiplicity
     directions = within @ white[0] @ vectors if ratios.any() else plain @ of_plain[0]
     return UnitLevels(directions, *_class_levels(directions, ratios, X, codes, units))
+
+
+def population_eigenvalues(values: ArrayLike, divisor: int) -> Array:
+    """Correct the eigenvalues of a covariance that has few degrees of freedom.
+
+    The largest of a sample are too large, the smallest too small. Those beyond the range of
+    eigenvalues of uncorrelated features of one variance are moved to the value that would have
+    caused them [1]_; the others are shrunk towards their mean, as far as their variance is that of
+    equal ones [2]_. Their sum, which is unbiased, is kept. That variance is the mean of the
+    corrected others; it is iterated until it stays the same.
+
+    Parameters
+    ----------
+    values : array-like of shape (n_features,)
+        Eigenvalues, at least 0, in any order.
+    divisor : int
+        Degrees of freedom of the covariance.
+
+    Returns
+    -------
+    corrected : ndarray of shape (n_features,)
+        In the same order.
+
+    References
+    ----------
+    .. [1] Donoho, Gavish and Johnstone, Optimal shrinkage of eigenvalues in the spiked covariance
+       model, Annals of Statistics 46 (4), 2018, Eq. (1.10).
+    .. [2] Ledoit and Wolf, A well-conditioned estimator for large-dimensional covariance
+       matrices, Journal of Multivariate Analysis 88 (2004).
+
+    Examples
+    --------
+    >>> population_eigenvalues([9.0, 1.4, 1.1, 0.9, 0.6], 20).round(3)
+    array([8.693, 1.077, 1.077, 1.077, 1.077])
+    """
+    values = np.asarray(values)
+    ratio, level = len(values) / divisor, values.mean()  # of the features that are equal
+    corrected = np.empty(len(values))
+    while True:
+        above = values > level * (1 + np.sqrt(ratio)) ** 2
+        half = (values[above] / level + 1 - ratio) / 2
+        corrected[above] = level * (half + np.sqrt(half**2 - values[above] / level))
+        before, level = level, (values.sum() - corrected[above].sum()) / np.count_nonzero(~above)
+        if before - level <= 1e-12 * values.mean():  # it only decreases
+            break
+    corrected[~above] = level
+    spread = values[~above] - values[~above].mean()
+    variance = np.mean(spread**2)
+    if variance > ratio * level**2:  # more than equal features would show
+        corrected[~above] += (1 - ratio * level**2 / variance) * spread
+    return corrected
 
 
 def _class_levels(

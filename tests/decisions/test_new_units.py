@@ -13,8 +13,12 @@ from sklearn.covariance import shrunk_covariance
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm import CostSensitiveGaussianBayes, NewUnitClassifier
-from emacm.decisions.gaussians import population_eigenvalues
-from emacm.decisions.new_units import fit_unit_levels, probability_threshold, unit_scatter
+from emacm.decisions.new_units import (
+    fit_unit_levels,
+    population_eigenvalues,
+    probability_threshold,
+    unit_scatter,
+)
 
 STATES = np.array(["healthy", "backlash", "dry"])  # not in alphabetical order
 CENTRES = np.array([[0.0, 1.0, 0.0], [4.0, 1.0, -2.0], [0.0, 5.0, 3.0]])
@@ -76,6 +80,24 @@ def dense(n_features=2, crossed=True, seed=3, spread=2.0, apart=3.0):
     X = rng.normal(size=(18, n_features)) + spread * rng.normal(size=(7, n_features))[units]
     X = (X + apart * codes[:, np.newaxis]) @ rng.normal(size=(n_features, n_features))
     return X, codes, units, np.eye(3)[codes], np.eye(7)[units]
+
+
+def test_eigenvalues_are_corrected_by_the_inverse_of_their_bias():
+    rng = np.random.default_rng(0)
+    order = rng.permutation(30)
+    values = np.linspace(0.5, 1.5, 30)
+    values[:2] = 40.0, 9.0
+    found = population_eigenvalues(values, 60)
+    assert found.sum() == pytest.approx(values.sum())
+    np.testing.assert_allclose(population_eigenvalues(values[order], 60), found[order])
+    np.testing.assert_allclose(population_eigenvalues(7 * values, 60), 7 * found)
+    assert np.ptp(found[2:]) == 0  # as far apart as noise makes equal ones
+    np.testing.assert_allclose(population_eigenvalues(values, 10**9), values, rtol=1e-3)
+    # Variance 0.15^2 of ten values of which sampling explains 10 / 1000.
+    apart = 1 + 0.15 * np.array([-1, 1] * 5)
+    kept = 1 + (apart - 1) * (1 - 0.01 / 0.15**2)
+    np.testing.assert_allclose(population_eigenvalues(3 * apart, 1000), 3 * kept)
+    assert population_eigenvalues([2, 4], 1).tolist() == [3.0, 3.0]
 
 
 @pytest.mark.parametrize("crossed", [False, True])
