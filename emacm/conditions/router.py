@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import ClassifierMixin, MetaEstimatorMixin, clone, is_classifier
-from sklearn.utils import check_consistent_length, get_tags
+from sklearn.utils import get_tags
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
@@ -32,6 +32,13 @@ from emacm.recordings.inputs import entry_name, run
 from emacm.recordings.meta import chosen_rows, condition_name, read_meta, sorted_conditions
 
 Rows = NDArray[np.intp]
+
+
+def check_labels(y: Any, n_recordings: int) -> None:
+    """Raise if y does not hold one valid class for each recording."""
+    check_classes(y)
+    if len(column_or_1d(y)) != n_recordings:
+        raise ValueError(f"y has {len(y)} entries for {n_recordings} recordings.")
 
 
 def _has(method: str) -> Callable[[Any], bool]:
@@ -154,8 +161,7 @@ class ConditionRouter(
             )
         check_unknown_states(self.estimator)
         found = read_meta(X, self.condition)
-        check_classes(y)
-        check_consistent_length(found, column_or_1d(y))
+        check_labels(y, len(found))
         rows = {
             condition_name(self.condition, value): np.flatnonzero([v == value for v in found])
             for value in sorted_conditions(found)

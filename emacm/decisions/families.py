@@ -275,13 +275,12 @@ def set_costs(
     for state, faulty in faulty_parts.items():
         if not faulty <= set(parts):
             raise ValueError(f"opening must have the parts of the state {state!r}; got {parts}.")
-    opens, leaves = (
-        {part: check_number(value, f"the cost of {part!r} in {name}") for part, value in costs}
-        for name, costs in (("opening", opening.items()), ("left", left.items()))
-    )
+    for name, costs in (("opening", opening), ("left", left)):
+        for part, value in costs.items():
+            check_number(value, f"the cost of {part!r} in {name}")
     rows = {
         " + ".join(opened) or healthy: [
-            sum(opens[p] for p in opened) + sum(leaves[p] for p in faulty.difference(opened))
+            sum(opening[p] for p in opened) + sum(left[p] for p in faulty.difference(opened))
             for faulty in faulty_parts.values()
         ]
         for n_opened in range(len(parts) + 1)

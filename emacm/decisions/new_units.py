@@ -410,12 +410,8 @@ def unit_scatter(X: Array, codes: Indices, units: Indices) -> UnitScatter:
             "units, and units several times, or use CostSensitiveGaussianBayes."
         )
     shared = float(np.sum(counts**2 / totals))
-    return UnitScatter(
-        rest.T @ rest / within,
-        explained.T @ explained / between,
-        between,
-        (len(X) - shared) / between,
-    )
+    mean_squares = rest.T @ rest / within, explained.T @ explained / between
+    return UnitScatter(*mean_squares, between, (len(X) - shared) / between)
 
 
 def fit_unit_levels(

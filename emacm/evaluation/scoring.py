@@ -9,17 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from sklearn.utils import check_consistent_length
 from sklearn.utils.multiclass import check_classification_targets
-from sklearn.utils.validation import column_or_1d
 
-from emacm.decisions.costs import (
-    check_classes,
-    cost_table,
-    label_array,
-    truth_labels,
-    truth_priors,
-)
+from emacm.conditions.router import check_labels
+from emacm.decisions.costs import cost_table, label_array, truth_labels, truth_priors
 from emacm.decisions.metrics import Correct, are_correct, correct_decisions, label_of
 from emacm.recordings.meta import listed_recordings
 
@@ -248,9 +241,7 @@ def _healthy_label(healthy: Any, family_of: Mapping[Any, Any]) -> Any:
 
 def checked_classes(y: ArrayLike, X: Any) -> NDArray[Any]:
     """Return y as an array, or raise an error if it has not one class for each recording."""
-    check_classes(y)
-    recordings = X if hasattr(X, "shape") else listed_recordings(X)
-    check_consistent_length(recordings, column_or_1d(y))
+    check_labels(y, X.shape[0] if hasattr(X, "shape") else len(listed_recordings(X)))
     classes = np.asarray(y)
     check_classification_targets(classes)
     if len(np.unique(classes)) < 2:

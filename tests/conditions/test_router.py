@@ -255,7 +255,7 @@ UNSEEN = ConditionRouter(LOGISTIC, unseen="guess")
 BAD_FITS = [
     (ConditionRouter(LinearRegression()), LOADED, STATES, "estimator must be a classifier or a"),
     (ConditionRouter(LOGISTIC), LOADED, None, "y should be a 1d array"),
-    (ConditionRouter(LOGISTIC), LOADED, STATES[:7], r"inconsistent numbers of samples: \[8, 7\]"),
+    (ConditionRouter(LOGISTIC), LOADED, STATES[:7], "y has 7 entries for 8 recordings"),
     (ConditionRouter(LOGISTIC), LOADED, [*STATES[:7], None], "position 7 has None"),
     (ConditionRouter(LOGISTIC), LOADED, [*STATES[:7], 3], "position 7 has 3"),
     (

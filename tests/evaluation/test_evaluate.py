@@ -336,7 +336,7 @@ def test_costs_that_have_no_effect_are_refused():
 
 
 BAD = {
-    "inconsistent numbers of samples: [96, 5]": {"y": ["a"] * 5},
+    "y has 5 entries for 96 recordings": {"y": ["a"] * 5},
     "y must contain a label everywhere, but position 0 has None": {"y": [None] * 96},
     "y must contain classes of one type, text or numbers": {"y": ["a"] * 95 + [3]},
     "y must contain at least two classes, got ['a']": {"y": ["a"] * 96},
