@@ -91,10 +91,10 @@ def check_finite(array: NDArray[np.floating], name: str) -> None:
     is_finite = np.isfinite(array)
     if not is_finite.all():
         index = int(np.argmin(is_finite))
-        text = f"{name} must be finite, got {array[index]} at sample {index}"
-        if not is_finite.any():
-            raise ValueError(f"{text}, and has no value at all. Leave it out.")
-        raise ValueError(f"{text}. Cut the recording before it, or repair the gap.")
+        raise ValueError(
+            f"{name} must be finite, got {array[index]} at sample {index}. Cut the recording "
+            f"before it, repair the gap, or leave it out."
+        )
 
 
 def check_signal(values: ArrayLike, name: str, *, min_length: int = 2) -> NDArray[np.floating]:
@@ -211,12 +211,8 @@ def first_non_number(values: Any, array: NDArray[Any]) -> str:
 
 def group_codes(groups: Any, n_recordings: int) -> NDArray[np.intp]:
     """Return the number of the group of each recording, in the order of their first appearance."""
-    if getattr(groups, "ndim", 1) != 1:
-        raise ValueError(
-            f"groups must be one-dimensional, with one label for each of the {n_recordings} "
-            f"recordings, got shape {groups.shape}. Pass one column, such as the unit."
-        )
-    labels = Series(groups)
+    with located("groups must be one column, such as the unit"):
+        labels = Series(groups)
     if len(labels) != n_recordings:
         raise ValueError(
             f"groups must have a label for each of {n_recordings} recordings, got {len(labels)}."
@@ -230,19 +226,19 @@ def group_codes(groups: Any, n_recordings: int) -> NDArray[np.intp]:
     return codes
 
 
-def check_weights(sample_weight: ArrayLike | None, n_recordings: int) -> NDArray[np.float64]:
+def positive_weights(sample_weight: ArrayLike | None, n_recordings: int) -> NDArray[np.float64]:
     """Return one finite, non-negative weight per recording; None is a weight of 1 each.
 
     Raises
     ------
     ValueError
-        If the shape differs, or a weight is negative or not finite, with its position.
+        If the shape differs, a weight is negative or not finite (with its position), or all are 0.
     TypeError
         If the weights are not numeric.
 
     Examples
     --------
-    >>> check_weights(None, 3)
+    >>> positive_weights(None, 3)
     array([1., 1., 1.])
     """
     if sample_weight is None:
@@ -258,12 +254,6 @@ def check_weights(sample_weight: ArrayLike | None, n_recordings: int) -> NDArray
         raise ValueError(
             f"sample_weight must be finite, at least 0, got {weight[first]} at recording {first}."
         )
-    return weight
-
-
-def positive_weights(sample_weight: ArrayLike | None, n_recordings: int) -> NDArray[np.float64]:
-    """As `check_weights`; raises a ValueError if all weights are zero."""
-    weight = check_weights(sample_weight, n_recordings)
     if not weight.sum() > 0:
         raise ValueError("sample_weight must not be zero for every recording.")
     return weight

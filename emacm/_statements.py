@@ -65,10 +65,6 @@ class EmacmWarning(UserWarning):
         super().__init__(statement)
         self.statement = statement
 
-    def __str__(self) -> str:
-        """Return the text of the statement."""
-        return self.statement.text
-
 
 def warn(kind: str, text: str, *, channel: str = "", stacklevel: int = 2) -> None:
     """Warn of a statement; `stacklevel` counts from the caller, as in `warnings.warn`."""

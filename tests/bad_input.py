@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from emacm import CostSensitiveGaussianBayes, OrderPSD, OrderResampler, Recording
+from emacm import OrderPSD, OrderResampler, Recording
 
 THETA_S = 2 * np.pi / 32
 V, T = ValueError, TypeError
@@ -53,10 +53,6 @@ def forward_only():
 def features(seed=0, n_recordings=20):
     rng = np.random.default_rng(seed)
     return rng.normal(size=(n_recordings, 3)), np.array(["healthy", "worn"] * (n_recordings // 2))
-
-
-def classifier(**options):
-    return CostSensitiveGaussianBayes(**options).fit(*features())
 
 
 def each(cases):

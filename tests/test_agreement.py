@@ -119,7 +119,6 @@ FORMS = {
     "families of lists": FAMILIES,
     "families of Series": {family: pd.Series(states) for family, states in FAMILIES.items()},
     "families of arrays": {family: np.array(states) for family, states in FAMILIES.items()},
-    "family of each state": BY_STATE,
 }
 
 

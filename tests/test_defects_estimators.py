@@ -28,7 +28,7 @@ from emacm import (
     save_model,
     score,
 )
-from emacm.decisions.costs import narrowed
+from emacm.decisions.pipelines import narrowed
 from emacm.models.model_files import _is_trusted
 
 STATES = np.array(["healthy", "inner", "outer"])

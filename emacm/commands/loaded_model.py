@@ -15,9 +15,8 @@ from sklearn.pipeline import Pipeline
 from emacm.commands.find import parts_of_options
 from emacm.conditions.feature_baseline import FeatureBaseline
 from emacm.conditions.router import ConditionRouter
-from emacm.decisions.costs import cost_table
+from emacm.decisions.costs import cost_table, truth_priors
 from emacm.decisions.pipelines import final_estimator
-from emacm.decisions.truths import truth_priors
 from emacm.files.folder import RecordingFolder
 from emacm.files.layout import Layout
 from emacm.files.tables import read_table

@@ -171,10 +171,6 @@ class FeatureBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: i
         array, OrderTable or DataFrame of shape (n_recordings, n_features)
             As `transform` returns.
         """
-        if isinstance(self.transformer, type) or not hasattr(self.transformer, "fit_transform"):
-            raise TypeError(
-                f"transformer must compute a table from recordings, got {self.transformer!r}."
-            )
         found = self._find_healthy(X, y)
         transformer = clone(self.transformer)
         table = transformer.fit_transform(X, y, **groups_options(transformer, groups))
@@ -323,10 +319,6 @@ def left_out_differences(
 def _values(table: Any) -> NDArray[np.float64]:
     """Return the finite numbers of a table of features."""
     values = check_real_array(table, "the table of the transformer").astype(np.float64)
-    if values.ndim != 2:
-        raise ValueError(
-            f"the table of the transformer must have two dimensions, got shape {values.shape}."
-        )
     check_finite_table(values, "recording", column_names(table))
     return values
 

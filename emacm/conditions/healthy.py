@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_unmasked, located
-from emacm.decisions.truths import label_list, plain_labels
-from emacm.recordings.inputs import RecordingTransformer, described, entry_name, received
+from emacm.decisions.costs import label_list, plain_labels
+from emacm.recordings.inputs import RecordingTransformer, described, entry_name
 from emacm.recordings.meta import condition_name, listed_recordings, read_meta, sorted_conditions
 
 
@@ -69,15 +69,11 @@ class ConditionBaseline(  # type: ignore[call-arg]
         """Return the healthy recordings of each condition; raise an error if one has none."""
         conditions, mask = read_meta(X, self.condition), healthy_recordings(X, y, self.healthy)
         added = [] if self.baseline_recordings is None else self.baseline_recordings
-        if isinstance(added, str) or not isinstance(added, Sequence):
-            raise TypeError(
-                f"baseline_recordings must be None or a list of recordings, got {received(added)}"
-            )
         if self.baseline_recordings is not None and not added:
             raise ValueError("baseline_recordings is empty: add recordings, or set it to None.")
-        if any(isinstance(recording, str) for recording in added):  # of a model file
-            raise ValueError(f"set baseline_recordings again: {added[0]}.")
         with located("baseline_recordings"):
+            if any(isinstance(recording, str) for recording in added):  # of a model file
+                raise ValueError(f"set baseline_recordings again: {added[0]}.")
             of_added = read_meta(added, self.condition) if added else []
         of_healthy = [*compress(conditions, mask), *of_added]
         rows = {

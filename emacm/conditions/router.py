@@ -17,16 +17,17 @@ from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from emacm._checks import check_choice, located
 from emacm._saved import SavedEstimator
-from emacm.decisions.costs import narrowed, stated_costs
+from emacm.decisions.costs import check_classes, label_array
 from emacm.decisions.pipelines import (
     RoutingMixin,
     before_the_last_step,
     check_unknown_states,
     final_estimator,
+    narrowed,
     parameters_of_rows,
+    stated_costs,
 )
 from emacm.decisions.risks import LeastRiskMixin
-from emacm.decisions.truths import check_classes, label_array
 from emacm.recordings.inputs import entry_name, run
 from emacm.recordings.meta import chosen_rows, condition_name, read_meta, sorted_conditions
 
@@ -153,8 +154,7 @@ class ConditionRouter(
             a single class, or a classifier raises an error (the message gives the condition).
         """
         check_choice(self.unseen, "unseen", ("raise", "pooled"))
-        is_estimator = hasattr(self.estimator, "fit") and not isinstance(self.estimator, type)
-        if not is_estimator or not is_classifier(self.estimator):
+        if not is_classifier(clone(self.estimator)):
             raise TypeError(
                 f"estimator must be a classifier or a pipeline that ends in one; got "
                 f"{self.estimator!r}."
@@ -323,10 +323,7 @@ class ConditionRouter(
         if not isinstance(X, pd.DataFrame) or callable(self.condition):
             return X
         keys = self.condition if isinstance(self.condition, tuple) else (self.condition,)
-        inner = X.drop(columns=list(keys))
-        if not inner.shape[1]:
-            raise ValueError(f"X has no columns besides the condition, {list(keys)}; add features.")
-        return inner
+        return X.drop(columns=list(keys))
 
     def _results(
         self, X: Any, method: str, labels: str | None = None, absent: float = 0.0

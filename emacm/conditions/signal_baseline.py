@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._checks import located
 from emacm.conditions.healthy import ConditionBaseline, check_healthy_rates
 from emacm.recordings.digests import content_digest
-from emacm.recordings.inputs import as_recordings, check_channels, described
+from emacm.recordings.inputs import as_recordings, check_channels
 from emacm.recordings.meta import condition_name
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import (
@@ -175,8 +175,7 @@ class GridStroke(AngleStroke):
     @property
     def start_angle(self) -> float:
         """Shaft angle of the first sample [rad]."""
-        sign = self.path.direction or 1
-        return self.path.start_angle + sign * self.parent.theta_s * self.skipped
+        return self.path.start_angle + self.path.direction * self.parent.theta_s * self.skipped
 
     @property
     def n_angles(self) -> int:
@@ -388,16 +387,11 @@ class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ig
     ) -> None:
         """Raise if recordings differ from those of `fit`, or cannot have a baseline."""
         check_alike(rows, channels, theta_s, "SignalBaseline")
-        for index, row in enumerate(rows):
-            if isinstance(row, ResidualRecording):
-                raise TypeError(
-                    f"{described(row, index)}: it is a residual already; use one SignalBaseline."
-                )
-            if row.direction == "travel":
-                raise ValueError(
-                    "SignalBaseline needs strokes of one direction each, but direction='travel' of "
-                    "OrderResampler joins them. Use direction='strokes'."
-                )
+        if any(row.direction == "travel" for row in rows):
+            raise ValueError(
+                "SignalBaseline needs strokes of one direction each, but direction='travel' of "
+                "OrderResampler joins them. Use direction='strokes'."
+            )
 
 
 def _resampled_as(first: AngleRecording, recordings: list[Any]) -> list[AngleRecording]:

@@ -12,20 +12,18 @@ from sklearn.utils.metaestimators import available_if
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d, validate_data
 
-from emacm._checks import check_choice, check_number, check_table, check_weights, positive_weights
+from emacm._checks import check_choice, check_number, check_table, positive_weights
 from emacm._saved import SavedEstimator
 from emacm._statements import warn
 from emacm.calibration.left_out import Array, Indices
-from emacm.decisions.costs import cost_table
+from emacm.decisions.costs import check_classes, cost_table, label_positions, truth_priors
 from emacm.decisions.gaussians import (
     ClassMoments,
     GaussianClasses,
     class_gaussians,
     class_moments,
-    diagonals,
 )
-from emacm.decisions.left_out_calibration import LeftOutMixin, check_temperature
-from emacm.decisions.truths import check_classes, label_positions, truth_priors
+from emacm.decisions.risks import LeftOutMixin, check_temperature
 
 
 def can_add_recordings(classifier: Any) -> bool:
@@ -278,13 +276,11 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
         X, y = validate_data(self, X, y, dtype=np.float64, reset=known is None)
         check_classification_targets(y)
         labels = agreed_classes(classes, known)
-        weight = check_weights(sample_weight, len(X))
+        weight = positive_weights(sample_weight, len(X))
         codes = np.array(label_positions(y.tolist(), labels.tolist(), "y", "class"), np.intp)
         moments = class_moments(X, codes, len(labels), weight, self.covariance, self.shrinkage)
         if known is not None:
             moments = self._moments.merge(moments)
-        if not moments.counts.sum() > 0:
-            raise ValueError("sample_weight must not be zero for every recording.")
         gaussians = class_gaussians(moments, self.covariance, self.shrinkage)
         self._set_fitted(labels, moments, gaussians)
         return self
@@ -320,10 +316,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
             )
         with np.errstate(divide="ignore"):
             log_priors = np.log(priors)
-        joint = self._gaussians.log_densities(X)
-        if self.temperature is not None:
-            joint /= self.temperature_
-        joint += log_priors
+        joint = self._gaussians.log_densities(X) / self.temperature_ + log_priors
         undefined = np.isneginf(joint.max(axis=1))
         if self.unknown is not None:
             joint[undefined] = log_priors  # nothing tells the classes apart; it is unknown
@@ -405,30 +398,21 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
                 "The largest variance of the features is 0: all recordings have the same features, "
                 "so classes cannot be separated. Check the features."
             )
-        thin = (moments.divisors <= 0) & diagonals(moments.scatter).any(axis=1)
-        if thin.any():
-            raise ValueError(
-                f"sample_weight is the number of times a recording is counted, but "
-                f"{self._named(thin)} has a total weight of {counts[thin].tolist()}, of which one "
-                f"is subtracted. Multiply the weights by a constant."
-            )
         singular = self._gaussians.singular & (counts > 0)
         if not singular.any():
             return
-        what = f"The covariance of {self._named(singular)} is singular"
+        named = "all classes"
+        if not moments.pooled:
+            named = "class " + ", ".join(map(repr, self.classes_[singular].tolist()))
+        what = f"The covariance of {named} is singular"
         remedy = (
             'Use shrinkage="oas" or "auto", fewer features (by PCA), or more recordings, at least '
-            "two per class."
+            "two per class (sample_weight is the number of times that one is counted)."
         )
         if self.shrinkage is not None:
             raise ValueError(f"{what} with shrinkage={self.shrinkage!r}. {remedy}")
         raised = "its eigenvalues were raised to 1e-9 of the largest feature variance"
         warn("singular", f"{what}; {raised}. {remedy}", stacklevel=stacklevel)
-
-    def _named(self, groups: NDArray[np.bool_]) -> str:
-        if self._moments.pooled:
-            return "all classes"
-        return "class " + ", ".join(repr(label) for label in self.classes_[groups].tolist())
 
 
 def as_counts(weight: Array, shrinkage: Any) -> Array:

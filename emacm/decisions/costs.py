@@ -1,7 +1,11 @@
-"""Costs of decisions: the forms in which they are given, and the table that results.
+"""What a decision follows from besides the features: labels, true states, priors and costs.
 
-Orientation, everywhere: rows are decisions, columns are true classes. ``cost[i, k]`` is the cost
-of deciding ``i`` when ``k`` is true, C(w_i | w_k) in [1]_, Eqs. (2.39) and (2.48).
+The true states are the classes and the unknown state, which has no recordings: "Unhealthy -
+Unknown" in Eq. (2.35) of [1]_. Its probability follows from typicality
+(`emacm.decisions.typicality`).
+
+Orientation of costs, everywhere: rows are decisions, columns are true classes. ``cost[i, k]`` is
+the cost of deciding ``i`` when ``k`` is true, C(w_i | w_k) in [1]_, Eqs. (2.39) and (2.48).
 
 References
 ----------
@@ -20,9 +24,288 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_number
-from emacm.decisions.pipelines import final_estimator, parts_of
-from emacm.decisions.truths import check_distinct, label_array, plain_labels, truth_labels
+from emacm._checks import check_choice, check_number, check_real_array, check_unmasked
+
+Array = NDArray[np.float64]
+
+
+def plain_labels(labels: Iterable[Any]) -> list[Any]:
+    """Return labels as Python objects, so that those of numpy compare and hash alike.
+
+    Examples
+    --------
+    >>> plain_labels(np.array(["worn", "new"]))
+    ['worn', 'new']
+    """
+    return [label.item() if isinstance(label, np.generic) else label for label in labels]
+
+
+def label_list(labels: ArrayLike, name: str = "y") -> list[Any]:
+    """Return a one-dimensional array-like of labels as a list of Python objects.
+
+    A mixed list such as ``[0, "inspect"]`` keeps its numbers; numpy would turn them into text.
+
+    Raises
+    ------
+    ValueError
+        If `labels` is not one-dimensional, or a label is missing (the message gives its position).
+
+    Examples
+    --------
+    >>> label_list([0, "inspect"])
+    [0, 'inspect']
+    """
+    array = np.asarray(labels, dtype=object if isinstance(labels, list | tuple) else None)
+    if array.ndim != 1:
+        raise ValueError(f"{name} must be one-dimensional, got shape {array.shape}.")
+    missing = pd.isna(array)
+    if missing.any():
+        position = int(np.argmax(missing))
+        raise ValueError(
+            f"{name} must contain a label everywhere, but position {position} has "
+            f"{array[position]!r}. Leave such entries out."
+        )
+    return plain_labels(array.tolist())
+
+
+def label_array(labels: Sequence[Any], classes: ArrayLike = ()) -> NDArray[Any]:
+    """Return labels as an array that keeps their types.
+
+    Parameters
+    ----------
+    labels : sequence
+        Python objects.
+    classes : array-like of shape (n_classes,), optional
+        If all labels are classes, the array has the dtype of `classes`.
+
+    Returns
+    -------
+    ndarray of shape (n_labels,)
+        Of text or integers if all labels are, otherwise of objects.
+
+    Examples
+    --------
+    >>> label_array([0, "inspect"])
+    array([0, 'inspect'], dtype=object)
+    """
+    known = np.asarray(classes)
+    place = {label: number for number, label in enumerate(known.tolist())}
+    if all(label in place for label in labels):
+        return known[[place[label] for label in labels]]
+    for kind in (str, int):
+        if all(type(label) is kind for label in labels):
+            return np.array(labels)
+    array = np.empty(len(labels), dtype=object)
+    array[:] = labels
+    return array
+
+
+def label_positions(found: Sequence[Any], known: Sequence[Any], name: str, role: str) -> list[int]:
+    """Return the position of each label in `known`.
+
+    Raises
+    ------
+    ValueError
+        If a label is not in `known`; the message gives its position and its `role`.
+
+    Examples
+    --------
+    >>> label_positions(["worn", "new"], ["new", "worn"], "y_true", "class")
+    [1, 0]
+    """
+    place = {label: position for position, label in enumerate(known)}
+    for position, label in enumerate(found):
+        if label not in place:
+            raise ValueError(
+                f"{name} contains {label!r} at position {position}, which is not a known {role}. "
+                f"Known: {list(known)}."
+            )
+    return [place[label] for label in found]
+
+
+def check_distinct(labels: Sequence[Any], name: str) -> None:
+    """Raise a ValueError if a label occurs more than once."""
+    doubles = [label for label in dict.fromkeys(labels) if labels.count(label) > 1]
+    if doubles:
+        raise ValueError(f"{name} must be unique, but these occur more than once: {doubles}.")
+
+
+def check_classes(y: Any) -> None:
+    """Raise if a recording has no class, or a class of another type than the first.
+
+    numpy turns a list that contains text and a missing label or a number into text, and so
+    creates a class "nan".
+
+    Raises
+    ------
+    ValueError
+        If a label is None, NaN, pandas.NA or NaT; the message gives its position.
+    TypeError
+        If text and other labels are mixed.
+
+    Examples
+    --------
+    >>> check_classes(["healthy", "worn"])
+    """
+    check_unmasked(y, "y")
+    entries = y if isinstance(y, list | tuple) else np.asarray(y)
+    if np.ndim(entries) != 1:
+        return  # scikit-learn accepts columns, and refuses tables
+    labels = label_list(entries)
+    for position, label in enumerate(labels):
+        if isinstance(label, str) != isinstance(labels[0], str):
+            raise TypeError(
+                f"y must contain classes of one type, text or numbers, but position 0 has "
+                f"{labels[0]!r} and position {position} has {label!r}."
+            )
+
+
+def class_priors(priors: Any, classes: NDArray[Any], counts: Array) -> Array:
+    """Convert any form of stating priors to one probability per class, Eq. (2.37) of [1]_.
+
+    Parameters
+    ----------
+    priors : None, "uniform", array-like or mapping
+        None: relative frequencies of the counts. An array is in the order of `classes`; a
+        mapping or Series {class: probability} names every class.
+    classes : ndarray of shape (n_classes,)
+        The classes.
+    counts : ndarray of shape (n_classes,)
+        Recordings of each class.
+
+    Returns
+    -------
+    probabilities : ndarray of shape (n_classes,)
+        Their sum is 1.
+
+    Raises
+    ------
+    ValueError
+        If they are negative, their sum is not 1 (to 1e-6), or they do not fit the classes.
+    TypeError
+        If they are not numbers.
+
+    References
+    ----------
+    .. [1] Chirico, A Data Driven Frequency Based Method for Electrical-Mechanical Actuator
+       Condition Monitoring, section 2.2.1.
+
+    Examples
+    --------
+    >>> class_priors({"worn": 0.01, "healthy": 0.99}, np.array(["healthy", "worn"]), np.ones(2))
+    array([0.99, 0.01])
+    """
+    known = classes.tolist()
+    if priors is None:
+        return counts / counts.sum()
+    if isinstance(priors, str):
+        check_choice(priors, "priors as a word", ("uniform",))
+        return np.full(len(known), 1 / len(known))
+    if isinstance(priors, Mapping | pd.Series):
+        named = dict(priors.items())
+        unknown = [label for label in named if label not in known]
+        if unknown or len(named) < len(known):
+            raise ValueError(
+                f"priors must name every class of {known} and no other; unknown: {unknown}, "
+                f"missing: {[label for label in known if label not in named]}."
+            )
+        priors = [named[label] for label in known]
+    values = check_real_array(priors, "priors").astype(np.float64)
+    if values.shape != (len(known),) or not (values >= 0).all() or abs(values.sum() - 1) > 1e-6:
+        raise ValueError(
+            f"priors must contain one probability, at least 0, for each of the {len(known)} "
+            f"classes {known}, and add up to 1; got {values.tolist()}."
+        )
+    return values / values.sum()
+
+
+def check_possible(
+    priors: Array, own: Array, classes: NDArray[Any], name: str = "estimator"
+) -> None:
+    """Raise a ValueError if a class has a prior, but none within the posterior of an estimator.
+
+    Parameters
+    ----------
+    priors, own : ndarray of shape (n_classes,)
+        Priors in effect, and those within the posterior of the estimator.
+    classes : ndarray of shape (n_classes,)
+        The classes.
+    name : str
+        Name of the estimator, for the message.
+    """
+    impossible = (priors > 0) & ~(own > 0)
+    if impossible.any():
+        code = int(np.argmax(impossible))
+        raise ValueError(
+            f"{name} has the prior 0 of class {classes.tolist()[code]!r}, but priors give it "
+            f"{priors[code]:g}. Give {name} another prior."
+        )
+
+
+def truth_labels(classes: NDArray[Any], unknown: Any) -> NDArray[Any]:
+    """Return the classes, followed by the unknown state unless it is None.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the unknown state has no label (a list, NaN), or the label of a class.
+
+    Examples
+    --------
+    >>> truth_labels(np.array(["healthy", "worn"]), "unknown")
+    array(['healthy', 'worn', 'unknown'], dtype='<U7')
+    """
+    if unknown is None:
+        return classes
+    known = plain_labels(classes.tolist())
+    if unknown in known:
+        raise ValueError(
+            f"unknown = {unknown!r} is a class with recordings. Choose none of {known}."
+        )
+    return label_array([*known, unknown], classes)
+
+
+def truth_priors(
+    priors: Any, classes: NDArray[Any], counts: Array, unknown: Any, default: float = 0.01
+) -> tuple[Array, float]:
+    """Convert priors to those of the classes, given a known state, and that of the unknown state.
+
+    Parameters
+    ----------
+    priors : None, "uniform", array-like or mapping
+        As for `class_priors`. A mapping may name the unknown state, and an array may have one
+        more element for it; all then add up to 1.
+    classes, counts : ndarray of shape (n_classes,)
+        As for `class_priors`.
+    unknown : label or None
+        Label of the unknown state.
+    default : float, default=0.01
+        Prior of the unknown state if `priors` do not state it.
+
+    Returns
+    -------
+    of_classes : ndarray of shape (n_classes,)
+        They add up to 1.
+    of_unknown : float
+        0 without an unknown state.
+
+    Examples
+    --------
+    >>> stated = {"healthy": 0.9, "worn": 0.05, "unknown": 0.05}
+    >>> of_classes, of_unknown = truth_priors(
+    ...     stated, np.array(["healthy", "worn"]), np.ones(2), "unknown"
+    ... )
+    >>> of_classes.round(3), of_unknown
+    (array([0.947, 0.053]), 0.05)
+    """
+    is_named = isinstance(priors, Mapping | pd.Series) and unknown in dict(priors.items())
+    if unknown is None or not (is_named or np.shape(priors) == (len(classes) + 1,)):
+        return class_priors(priors, classes, counts), 0.0 if unknown is None else default
+    truths = truth_labels(classes, unknown)
+    every = class_priors(priors, truths, np.ones(len(truths)))
+    if not every[:-1].sum() > 0:
+        raise ValueError(f"priors give {unknown!r} the probability 1, and no class any.")
+    return every[:-1] / every[:-1].sum(), float(every[-1])
 
 
 def cost_table(
@@ -117,110 +400,6 @@ def cost_table(
     return label_array(rows, every), matrix
 
 
-def stated_costs(estimator: Any) -> dict[str, Any]:
-    """Return the cost by which an estimator decides, its unknown state and its priors.
-
-    They are those of the last step of pipelines and searches. Costs and priors of an estimator
-    inside of that step (a member of a `PosteriorProduct`, for example) do not count; its unknown
-    state does.
-
-    Returns
-    -------
-    dict
-        "cost", "unknown" and "priors"; None if they are not stated.
-
-    Raises
-    ------
-    ValueError
-        If the last step has no costs, but a classifier inside of it has, which decides nothing.
-
-    Examples
-    --------
-    >>> from sklearn.pipeline import make_pipeline
-    >>> from emacm import CostSensitiveGaussianBayes
-    >>> model = CostSensitiveGaussianBayes(unknown="unknown", priors="uniform")
-    >>> stated_costs(make_pipeline(model))
-    {'cost': None, 'unknown': 'unknown', 'priors': 'uniform'}
-    """
-    final = final_estimator(estimator)
-    for inner in parts_of(final):
-        if not hasattr(final, "cost") and getattr(inner, "cost", None) is not None:
-            raise ValueError(
-                f"the cost of {type(inner).__name__} has no effect on decisions of "
-                f"{type(final).__name__}. Use LeastRiskClassifier({type(final).__name__}(...), "
-                f"cost=...)."
-            )
-    return {name: getattr(final, name, None) for name in ("cost", "unknown", "priors")}
-
-
-def narrowed(model: Any, known: Iterable[Any], classes: Iterable[Any]) -> Any:
-    """Remove classes that do not occur from all costs and priors of an estimator, nested ones too.
-
-    The posterior probability of a class that is absent from training is 0, and so is its
-    contribution to every expected cost, Eq. (2.39) of [1]_: removing its column changes no
-    decision among those that remain. Priors of the other classes are normalised; that of the
-    unknown state stays.
-
-    Parameters
-    ----------
-    model : estimator
-        It is changed; pass a clone. Of a cost, a DataFrame keeps every decision, a mapping loses
-        the pairs that name an absent class, an array its rows and columns. What does not fit the
-        classes stays as it is.
-    known, classes : iterable of labels
-        Classes that occur, and all classes, sorted.
-
-    Returns
-    -------
-    estimator
-        The same object.
-
-    Examples
-    --------
-    >>> from emacm import CostSensitiveGaussianBayes
-    >>> model = CostSensitiveGaussianBayes({("ok", "worn"): 10, ("ok", "dry"): 5})
-    >>> narrowed(model, ["dry", "ok"], ["dry", "ok", "worn"])
-    CostSensitiveGaussianBayes(cost={('ok', 'dry'): 5})
-    """
-    every, occurring = plain_labels(classes), plain_labels(known)
-    absent = {place: label for place, label in enumerate(every) if label not in occurring}
-    of_some = {"cost": _cost_of_some, "priors": _priors_of_some}
-    for name, value in model.get_params().items() if absent else ():
-        parameter = name.rpartition("__")[2]
-        if parameter in of_some:
-            model.set_params(**{name: of_some[parameter](value, absent, every)})
-    return model
-
-
-def _cost_of_some(cost: Any, absent: Mapping[int, Any], every: Sequence[Any]) -> Any:
-    """Remove absent classes, given by their place."""
-    n_classes = len(every)
-    if isinstance(cost, pd.DataFrame):
-        return cost.drop(columns=[*absent.values()], errors="ignore")
-    if isinstance(cost, Mapping):
-        check_pairs(cost)
-        named = set(absent.values())
-        return {pair: value for pair, value in cost.items() if not named & set(pair)}
-    if np.shape(cost) not in {(n_classes,) * 2, (n_classes + 1,) * 2}:  # such as None
-        return cost
-    return np.delete(np.delete(cost, [*absent], axis=0), [*absent], axis=1)
-
-
-def _priors_of_some(priors: Any, absent: Mapping[int, Any], every: Sequence[Any]) -> Any:
-    """Remove absent classes, given by their place; the unknown state keeps its probability."""
-    is_named = isinstance(priors, Mapping | pd.Series)
-    if not is_named and np.shape(priors) not in {(len(every),), (len(every) + 1,)}:
-        return priors  # such as "uniform"
-    labels = None if is_named else [*every, "the unknown state"][: len(priors)]
-    kept = pd.Series(dict(priors) if is_named else priors, labels)
-    kept = kept.drop([*absent.values()], errors="ignore")
-    is_class = kept.index.isin(every)
-    if not kept[is_class].sum() > 0:
-        return priors
-    kept[is_class] *= (1 - kept[~is_class].sum()) / kept[is_class].sum()
-    return kept.to_dict() if is_named else kept.to_numpy()
-
-
 def check_pairs(cost: Mapping[Any, Any]) -> None:
     """Raise a TypeError if a key of a cost is not a tuple (decision, true class)."""
     for key in cost:
@@ -228,23 +407,6 @@ def check_pairs(cost: Mapping[Any, Any]) -> None:
             raise TypeError(
                 f"the keys of a cost mapping must be tuples (decision, true class), got {key!r}."
             )
-
-
-def numbered_classes_hint(label: Any, classes: Sequence[Any]) -> str:
-    """Return the remedy where scikit-learn has numbered the classes, and `label` is a name.
-
-    Examples
-    --------
-    >>> numbered_classes_hint("worn", ["healthy", "screw"])
-    ''
-    """
-    if not isinstance(label, str) or any(isinstance(known, str) for known in classes):
-        return ""
-    return (
-        " Meta-estimators of scikit-learn pass classes as numbers. State costs and priors outside: "
-        "LeastRiskClassifier(VotingClassifier(...), cost=..., priors=...). "
-        'cross_val_predict(method="predict_proba") needs no costs, and priors as an array.'
-    )
 
 
 def _stated_pairs(
@@ -278,8 +440,15 @@ def _stated_pairs(
 
 
 def _check_axes(cost: pd.DataFrame) -> None:
-    """Raise a ValueError if the names of the axes say that rows are the true classes."""
-    if _meaning(cost.index.name) == "truth" or _meaning(cost.columns.name) == "decision":
+    """Raise a ValueError if the names of the axes say that rows are the true classes.
+
+    Of a name such as "decision given the true state", the first word counts.
+    """
+    truth = r"(true|truth|actual|state|wahr|zustand)"
+    decision = "decision|decided|pred|action|entsch|vorher"
+    words = rf"(?<![^\W\d_])(?:{truth}|{decision})"  # at the beginning of a word
+    rows, columns = (re.search(words, str(axis.name).lower()) for axis in cost.axes)
+    if (rows and rows[1]) or (columns and not columns[1]):
         raise ValueError(
             f"the axes of cost are named {cost.index.name!r} (rows) and {cost.columns.name!r} "
             "(columns), but rows are decisions and columns truths. Give cost.T (rows and columns "
@@ -287,22 +456,9 @@ def _check_axes(cost: pd.DataFrame) -> None:
         )
 
 
-def _meaning(name: Any) -> str:
-    """Return "truth" or "decision", whichever the name of an axis says first; or ""."""
-    meanings = dict.fromkeys(("true", "truth", "actual", "state", "wahr", "zustand"), "truth")
-    meanings |= dict.fromkeys(("decision", "decided", "pred", "action"), "decision")
-    meanings |= dict.fromkeys(("entsch", "vorher"), "decision")  # entschieden, vorhergesagt
-    words = re.findall(r"[^\W\d_]+", str(name).lower())
-    found = (mean for word in words for begin, mean in meanings.items() if word.startswith(begin))
-    return next(found, "")
-
-
 def _square(cost: Any, known: list[Any], truths: list[Any]) -> NDArray[Any]:
     """Return costs that are given as an array, in the order of the classes."""
-    try:
-        array = np.asarray(cost)
-    except ValueError as error:
-        raise ValueError(f"cost must be a rectangular array of numbers: {error}.") from error
+    array = check_real_array(cost, "cost")
     if array.shape not in {(len(known),) * 2, (len(truths),) * 2}:
         raise ValueError(
             f"cost must be a square array of shape {(len(known),) * 2}, rows = decisions and "
@@ -319,7 +475,14 @@ def _check_labels(
     for _, truth in stated:
         if truth not in truths:
             text = f"cost names the class {truth!r} as a truth, which is unknown. Known: {truths}."
-            raise ValueError(text + numbered_classes_hint(truth, known))
+            if isinstance(truth, str) and not any(isinstance(label, str) for label in known):
+                text += (  # they were numbered
+                    " Meta-estimators of scikit-learn pass classes as numbers. State costs and "
+                    "priors outside: LeastRiskClassifier(VotingClassifier(...), cost=..., "
+                    'priors=...). cross_val_predict(method="predict_proba") needs no costs, and '
+                    "priors as an array."
+                )
+            raise ValueError(text)
     for decision in rows:
         missing = [truth for truth in known if (decision, truth) not in stated]
         if decision not in truths and missing:

@@ -11,8 +11,13 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_number, located
-from emacm.decisions.costs import cost_table
-from emacm.decisions.truths import label_array, label_list, label_positions, plain_labels
+from emacm.decisions.costs import (
+    cost_table,
+    label_array,
+    label_list,
+    label_positions,
+    plain_labels,
+)
 
 
 def family_mapping(families: Any) -> dict[Any, Any]:
@@ -170,7 +175,15 @@ def family_costs(
     family_of = family_mapping(families)
     names = list(dict.fromkeys(family_of.values()))
     if missed_cost != 1 or false_alarm_cost != 1 or healthy is not None:
-        costs = _alarm_costs(costs, names, healthy, missed_cost, false_alarm_cost)
+        if healthy not in names or not isinstance(costs, Mapping | None):
+            raise ValueError(
+                f"missed_cost and false_alarm_cost need healthy, one of {names}, and no complete "
+                f"table of costs; got healthy = {healthy!r} and costs = {costs!r}."
+            )
+        faults = [family for family in names if family != healthy]
+        missed = {(healthy, fault): missed_cost for fault in faults}
+        false_alarms = {(fault, healthy): false_alarm_cost for fault in faults}
+        costs = missed | false_alarms | dict(costs or {})
     with located("costs between families (the classes are the families here)"):
         decisions, matrix = cost_table(costs, label_array(names))
     matrix = matrix[:, [names.index(family) for family in family_of.values()]]
@@ -261,13 +274,12 @@ def set_costs(
     for state, faulty in faulty_parts.items():
         if not faulty <= set(parts):
             raise ValueError(f"opening must have the parts of the state {state!r}; got {parts}.")
-    opens, leaves = (
-        {part: check_number(value, f"the cost of {part!r} in {name}") for part, value in costs}
-        for name, costs in (("opening", opening.items()), ("left", left.items()))
-    )
+    for name, costs in (("opening", opening), ("left", left)):
+        for part, value in costs.items():
+            check_number(value, f"the cost of {part!r} in {name}")
     rows = {
         " + ".join(opened) or healthy: [
-            sum(opens[p] for p in opened) + sum(leaves[p] for p in faulty.difference(opened))
+            sum(opening[p] for p in opened) + sum(left[p] for p in faulty.difference(opened))
             for faulty in faulty_parts.values()
         ]
         for n_opened in range(len(parts) + 1)
@@ -301,23 +313,3 @@ def _states_and_families(families: Mapping[Any, Any]) -> list[tuple[Any, Any]]:
             )
         pairs += [(s, family) for s in plain_labels(states if listed[family] else [states])]
     return pairs
-
-
-def _alarm_costs(
-    costs: Any, families: list[Any], healthy: Any, missed: float, false_alarm: float
-) -> dict[Any, Any]:
-    """Return costs between families that contain those of missed detections and false alarms."""
-    if healthy not in families:
-        raise ValueError(
-            f"missed_cost and false_alarm_cost need healthy, one of {families}; got {healthy!r}."
-        )
-    if not isinstance(costs, Mapping | None):
-        raise ValueError(
-            "costs is a complete table: give a mapping, or omit healthy and the costs that need it."
-        )
-    faults = [family for family in families if family != healthy]
-    return (
-        {(healthy, fault): missed for fault in faults}
-        | {(fault, healthy): false_alarm for fault in faults}
-        | dict(costs or {})
-    )

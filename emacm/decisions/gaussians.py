@@ -300,57 +300,6 @@ def ledoit_wolf_coefficients(
     return coefficients, squared_scales
 
 
-def population_eigenvalues(values: ArrayLike, divisor: int) -> Array:
-    """Correct the eigenvalues of a covariance that has few degrees of freedom.
-
-    The largest of a sample are too large, the smallest too small. Those beyond the range of
-    eigenvalues of uncorrelated features of one variance are moved to the value that would have
-    caused them [1]_; the others are shrunk towards their mean, as far as their variance is that of
-    equal ones [2]_. Their sum, which is unbiased, is kept. That variance is the mean of the
-    corrected others; it is iterated until it stays the same.
-
-    Parameters
-    ----------
-    values : array-like of shape (n_features,)
-        Eigenvalues, at least 0, in any order.
-    divisor : int
-        Degrees of freedom of the covariance.
-
-    Returns
-    -------
-    corrected : ndarray of shape (n_features,)
-        In the same order.
-
-    References
-    ----------
-    .. [1] Donoho, Gavish and Johnstone, Optimal shrinkage of eigenvalues in the spiked covariance
-       model, Annals of Statistics 46 (4), 2018, Eq. (1.10).
-    .. [2] Ledoit and Wolf, A well-conditioned estimator for large-dimensional covariance
-       matrices, Journal of Multivariate Analysis 88 (2004).
-
-    Examples
-    --------
-    >>> population_eigenvalues([9.0, 1.4, 1.1, 0.9, 0.6], 20).round(3)
-    array([8.693, 1.077, 1.077, 1.077, 1.077])
-    """
-    values = np.asarray(values)
-    ratio, level = len(values) / divisor, values.mean()  # of the features that are equal
-    corrected = np.empty(len(values))
-    while True:
-        above = values > level * (1 + np.sqrt(ratio)) ** 2
-        half = (values[above] / level + 1 - ratio) / 2
-        corrected[above] = level * (half + np.sqrt(half**2 - values[above] / level))
-        before, level = level, (values.sum() - corrected[above].sum()) / np.count_nonzero(~above)
-        if before - level <= 1e-12 * values.mean():  # it only decreases
-            break
-    corrected[~above] = level
-    spread = values[~above] - values[~above].mean()
-    variance = np.mean(spread**2)
-    if variance > ratio * level**2:  # more than equal features would show
-        corrected[~above] += (1 - ratio * level**2 / variance) * spread
-    return corrected
-
-
 def shrink(
     covariances: Array,
     coefficients: ArrayLike,
@@ -434,7 +383,11 @@ class ClassMoments:
         share = np.divide(other.counts, counts, out=np.zeros_like(counts), where=counts > 0)
         step = other.means - self.means  # a class without recordings has the mean 0, of no weight
         means = self.means + share[:, np.newaxis] * step
-        between = _scatter_of_rows(step, self.counts * share, self.scatter.ndim)
+        weight = self.counts * share
+        if self.scatter.ndim == 2:  # variances only
+            between = weight[:, np.newaxis] * step**2
+        else:
+            between = np.einsum("k,kf,kg->kfg", weight, step, step)
         if self.pooled:
             between = between.sum(axis=0, keepdims=True)
         return ClassMoments(counts, means, self.scatter + other.scatter + between, self.pooled)
@@ -527,10 +480,3 @@ def diagonals(matrices: Array) -> Array:
     array([[1., 4.]])
     """
     return matrices if matrices.ndim == 2 else np.diagonal(matrices, axis1=1, axis2=2)
-
-
-def _scatter_of_rows(rows: Array, weight: Array, ndim: int) -> Array:
-    """Return one weighted outer product (or square, if `ndim` is 2) per row."""
-    if ndim == 2:
-        return weight[:, np.newaxis] * rows**2
-    return weight[:, np.newaxis, np.newaxis] * rows[:, :, np.newaxis] * rows[:, np.newaxis, :]

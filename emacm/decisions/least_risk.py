@@ -2,22 +2,157 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import logsumexp
 from sklearn.base import ClassifierMixin, MetaEstimatorMixin, clone
-from sklearn.svm import SVC, NuSVC
-from sklearn.utils import assert_all_finite, check_consistent_length, get_tags
+from sklearn.utils import assert_all_finite, get_tags
 from sklearn.utils.class_weight import compute_class_weight
+from sklearn.utils.metaestimators import available_if
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from emacm._checks import positive_weights
 from emacm._saved import SavedEstimator
-from emacm.decisions.costs import cost_table
-from emacm.decisions.pipelines import RoutingMixin, check_unknown_states, final_estimator
-from emacm.decisions.risks import Array, CombinedRiskMixin, pooled_log_posterior
-from emacm.decisions.truths import check_classes, check_possible, truth_priors
+from emacm.calibration.left_out import Array
+from emacm.decisions.costs import check_classes, check_possible, cost_table, truth_priors
+from emacm.decisions.pipelines import (
+    RoutingMixin,
+    before_the_last_step,
+    check_unknown_states,
+    final_estimator,
+)
+from emacm.decisions.risks import LeastRiskMixin
+
+
+class CombinedRiskMixin(LeastRiskMixin):
+    """Decisions from the posteriors of fitted classifiers, with the unknown state that they have.
+
+    A recording is as typical as for the classifier that knows least of it, so that one whose
+    channel is dead does not decide. All classifiers must have the same unknown state, or none.
+    """
+
+    _inside: Any  # classifiers or pipelines by name; before `fit`, those that were given
+
+    @property
+    def unknown(self):
+        """Label of the unknown state of the classifiers inside; None if they have none."""
+        for final in map(final_estimator, self._inside.values()):
+            has_prior = getattr(type(final), "unknown_prior_", None) is not None
+            if getattr(final, "unknown", None) is not None and not has_prior:
+                kind = f"{type(self).__name__} inside {type(final).__name__}"
+                raise ValueError(f"the unknown state would be lost. Put {kind}, not around it.")
+        return self._agreed("unknown")
+
+    @property
+    def unknown_rate(self):
+        """Rate of the unknown state of the classifiers inside; None if they have none."""
+        return self._agreed("unknown_rate")
+
+    @property
+    def unknown_limit_(self):
+        """Typicality up to which a recording is most probably unknown; None without a rate.
+
+        The least of the classifiers inside: it depends on how many groups each of them left out.
+        """
+        if self.unknown_rate is None:
+            return None
+        return min(final_estimator(inner).unknown_limit_ for inner in self._inside.values())
+
+    @property
+    def _unknown_default(self) -> float:
+        finals = map(final_estimator, self._inside.values())
+        return max((getattr(final, "unknown_prior_", None) or 0.0 for final in finals), default=0.0)
+
+    def _agreed(self, name: str) -> Any:
+        """Return a property of the classifiers inside, which must be the same for all."""
+        inside = self._inside.items()
+        found = {key: getattr(final_estimator(inner), name, None) for key, inner in inside}
+        first = next(iter(found.values()), None)
+        if any(value != first for value in found.values()):
+            raise ValueError(
+                f"members have different {name}: {found}. Give all the same unknown= and "
+                f"unknown_rate=, or none: a member that knows of no unknown state would decide on "
+                f"recordings of a dead channel."
+            )
+        return first
+
+    def least_typical(self, X: Any) -> Any:
+        """Return the classifier or pipeline inside that knows least of one recording."""
+        found = [final.typicality(table)[0] for final, table in self._opened(X)]
+        return [*self._inside.values()][int(np.argmin(found))]
+
+    def _opened(self, X: Any) -> list[tuple[Any, Any]]:
+        """Return each classifier inside, without the steps before it, and its input."""
+        return [before_the_last_step(inner, X) for inner in self._inside.values()]
+
+    @available_if(lambda self: self._has("typicality"))
+    def typicality(self, X):
+        """Return the fraction of known recordings that are at least as unlike the training.
+
+        The least typicality p of m classifiers is at most p by chance m times as often:
+        ``1 - (1 - p)^m`` is uniform for known recordings if the classifiers are independent within
+        each class (Tippett's method [1]_), and too large rather than too small if they agree.
+
+        Parameters
+        ----------
+        X : list of Recording, or table
+            As for `fit`.
+
+        Returns
+        -------
+        typicality : ndarray of shape (n_recordings,)
+            In (0, 1].
+
+        References
+        ----------
+        .. [1] Tippett, The Methods of Statistics (1931); Loughin, A systematic comparison of
+           methods for combining p-values, Computational Statistics & Data Analysis 47 (2004).
+        """
+        found = [final.typicality(table) for final, table in self._opened(X)]
+        if len(found) == 1:
+            return found[0]
+        with np.errstate(divide="ignore"):  # log(0) of the most typical recording
+            return -np.expm1(len(found) * np.log1p(-np.min(found, axis=0)))
+
+    @available_if(lambda self: self._has("second_states"))
+    def second_states(self, X, decisions):
+        """Return the class whose lines each recording has beyond those of the decided one.
+
+        As `CostSensitiveGaussianBayes.second_states`, by the first classifier that finds one.
+
+        Parameters
+        ----------
+        X : list of Recording, or table
+            As for `fit`.
+        decisions : sequence of n_recordings labels
+            Decisions of `predict`.
+
+        Returns
+        -------
+        list of label or None
+        """
+        found = [final.second_states(table, decisions) for final, table in self._opened(X)]
+        return [
+            next((state for state in states if state is not None), None)
+            for states in zip(*found, strict=True)
+        ]
+
+    def _has(self, name: str) -> bool:
+        return all(hasattr(final_estimator(inner), name) for inner in self._inside.values())
+
+    @property
+    def n_features_in_(self):
+        """Number of features, as the (first) classifier inside counts them."""
+        return next(iter(self._inside.values())).n_features_in_
+
+    @property
+    def feature_names_in_(self):
+        """Names of the features, as the (first) classifier inside knows them."""
+        return next(iter(self._inside.values())).feature_names_in_
 
 
 class LeastRiskClassifier(
@@ -115,16 +250,11 @@ class LeastRiskClassifier(
             If a parameter or an input is invalid, the estimator has no `predict_proba`, does not
             accept an argument, or was trained on other classes.
         """
-        if isinstance(self.estimator, type) or not hasattr(self.estimator, "fit"):
-            raise TypeError(f"estimator must be a classifier, got {self.estimator!r}.")
         check_unknown_states(self.estimator)
-        if y is None:
-            raise ValueError("fit requires y to be passed, but the target y is None.")
         check_classes(y)
         assert_all_finite(y, input_name="y")
         check_classification_targets(y)
         y = column_or_1d(y, warn=True)
-        check_consistent_length(X, y)
         classes, codes = np.unique(y, return_inverse=True)
         unknown = getattr(final_estimator(self.estimator), "unknown", None)
         cost_table(self.cost, classes, unknown)
@@ -227,8 +357,61 @@ class LeastRiskClassifier(
 def _class_weights(classifier: Any, classes: Any, y: Any, counts: Array) -> Array:
     """Return the factor by which a fitted classifier multiplies the frequency of each class."""
     weights = getattr(classifier, "class_weight", None)
-    if isinstance(classifier, SVC | NuSVC):  # its probabilities are fitted without weights
+    if type(classifier).__name__ in ("SVC", "NuSVC"):  # probabilities are fitted without weights
         weights = None
     if isinstance(weights, str):  # "balanced": the weights of all classes have the same sum
         return 1 / counts
     return compute_class_weight(weights, classes=classes, y=y)
+
+
+def pooled_log_posterior(
+    log_posteriors: Sequence[ArrayLike], member_priors: ArrayLike, priors: ArrayLike
+) -> Array:
+    """Multiply the likelihoods of all members and the prior.
+
+    The posterior of a member divided by the prior of this member is, up to a constant, the
+    likelihood. The product rule [1]_ is exact if the members are independent within each class.
+
+    Parameters
+    ----------
+    log_posteriors : sequence of n_members array-likes of shape (n_recordings, n_classes)
+        Logarithm of the posterior of each member.
+    member_priors : array-like of shape (n_members, n_classes)
+        The prior within the posterior of each member; positive where `priors` are.
+    priors : array-like of shape (n_classes,)
+        The prior of the result. A class of prior 0 stays impossible.
+
+    Returns
+    -------
+    log_posterior : ndarray of shape (n_recordings, n_classes)
+        Normalised. Never NaN: a posterior of exactly 0 (of a class with a prior) counts
+        as the smallest positive number, or as the least of its row if that is smaller;
+        members that contradict each other with certainty cancel.
+
+    References
+    ----------
+    .. [1] Kittler, Hatef, Duin and Matas, On combining classifiers, IEEE Transactions on Pattern
+       Analysis and Machine Intelligence 20 (3), 1998.
+
+    Examples
+    --------
+    Two channels, each 4:1 for the second class, whose prior is 0.5:
+
+    >>> one = np.log([[0.2, 0.8]])
+    >>> half = [0.5, 0.5]
+    >>> np.exp(pooled_log_posterior([one, one], [half, half], half)).round(3)
+    array([[0.059, 0.941]])
+    """
+    shared, own = np.asarray(priors, dtype=np.float64), np.asarray(member_priors, dtype=np.float64)
+    possible, tiny = shared > 0, np.log(np.finfo(np.float64).tiny)
+    pooled = np.full((len(np.asarray(log_posteriors[0])), len(shared)), -np.inf)
+    pooled[:, possible] = np.log(shared[possible])
+    for logs, prior in zip(log_posteriors, own, strict=True):
+        # log p(k|x_1..x_m) = log P(k) + sum_j [log p_j(k|x_j) - log P_j(k)] + constant
+        likelihood = np.asarray(logs, dtype=np.float64)[:, possible]
+        # The logarithm of 0 becomes that of the smallest number that it may stand for.
+        least = np.where(np.isneginf(likelihood), tiny, likelihood).min(axis=1, keepdims=True)
+        likelihood = np.maximum(likelihood, np.maximum(least, -1e300))  # sums do not overflow
+        likelihood -= np.log(prior[possible])
+        pooled[:, possible] += likelihood - likelihood.max(axis=1, keepdims=True)
+    return pooled - logsumexp(pooled, axis=1, keepdims=True)

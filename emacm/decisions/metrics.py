@@ -11,9 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import check_consistent_length
 
 from emacm._checks import positive_weights
-from emacm.decisions.costs import check_pairs, cost_table
+from emacm.decisions.costs import (
+    check_pairs,
+    cost_table,
+    label_list,
+    label_positions,
+    plain_labels,
+)
 from emacm.decisions.pipelines import final_estimator
-from emacm.decisions.truths import label_list, label_positions, plain_labels
 
 Correct = dict[Any, tuple[Any, ...]]
 
@@ -300,9 +305,4 @@ def _metric_classes(cost: Any, truths: list[Any], chosen: list[Any]) -> NDArray[
         check_pairs(cost)
         decisions, causes = (set(labels) for labels in zip(*cost, strict=True))
         found = {*truths, *causes, *(set(chosen) - decisions)}
-    try:
-        return np.asarray(sorted(found))
-    except TypeError as error:
-        raise ValueError(
-            f"labels of different types have no order: {list(found)}. Give labels=..., the classes."
-        ) from error
+    return np.asarray(sorted(found))

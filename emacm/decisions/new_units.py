@@ -1,23 +1,44 @@
-"""Gaussian classifier for units that were not in training, which differ by an offset."""
+"""Gaussian classifier for units that were not in training, which differ by an offset.
+
+The model is a mixed one, with a random effect of each unit: a recording of unit u in class k is
+z = m_k + b_u + e. The offset b_u of a unit is the same in all
+classes, with covariance B over the units; e varies from recording to recording with covariance W.
+Along suitable directions both are uncorrelated, and each direction is a model of its own.
+
+References
+----------
+.. [1] Searle, Casella and McCulloch, Variance Components, Wiley 1992: section 5.5 (Henderson's
+   method of fitting constants) and chapter 7 (best linear unbiased prediction).
+.. [2] Amemiya, What should be done when an estimated between-group covariance matrix is not
+   nonnegative definite?, The American Statistician 39 (2), 1985.
+.. [3] Paule and Mandel, Consensus values and weighting factors, Journal of Research of the National
+   Bureau of Standards 87 (5), 1982.
+"""
 
 from __future__ import annotations
 
 from contextlib import suppress
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
 from scipy.special import softmax
 from scipy.stats import mannwhitneyu
-from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_number, group_codes
 from emacm._statements import warn
 from emacm.calibration.left_out import Array, Indices, grouped_quantile
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
-from emacm.decisions.gaussians import class_gaussians, class_moments, shrinkage_coefficients
-from emacm.decisions.unit_effects import UnitLevels, fit_unit_levels
+from emacm.decisions.gaussians import (
+    GaussianClasses,
+    class_gaussians,
+    class_moments,
+    inverse_factor,
+    shrink,
+    shrinkage_coefficients,
+)
 
 
 class NewUnitClassifier(CostSensitiveGaussianBayes):
@@ -42,10 +63,6 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
 
     Attributes
     ----------
-    between_covariance_ : ndarray of shape (n_features, n_features)
-        Covariance of the offset of a unit.
-    within_covariance_ : ndarray of shape (n_features, n_features)
-        Covariance of the recordings of one unit in one class.
     means_ : ndarray of shape (n_classes, n_features)
         Mean of each class over the units (generalised least squares).
     covariances_ : ndarray of shape (n_classes, n_features, n_features)
@@ -62,10 +79,10 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
     Notes
     -----
     Class means of different units differ by chance. The part of this that is caused by the units
-    widens the densities too. Covariances are estimated from mean squares
-    (`emacm.decisions.unit_effects`); with few units they are uncertain, which the densities do not
+    widens the densities too. Covariances are estimated from mean squares (`fit_unit_levels` in this
+    module); with few units they are uncertain, which the densities do not
     contain; ``temperature="groups"`` and `prediction_sets` determine this uncertainty from left-out
-    units. `evaluate` passes `runs` as groups if `runs` are given: give `units` only.
+    units. `evaluate` passes its `units` as groups, or `runs` where there are none.
 
     Examples
     --------
@@ -83,7 +100,6 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
     unknown_rate = None
     needs_groups = True
     groups_are_units = True
-    _levels: UnitLevels | None = None
     _without_units = True
 
     def __init__(
@@ -131,7 +147,7 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         EmacmWarning
             If there are no `groups`.
         """
-        self._levels, self._without_units = None, groups is None
+        self._without_units = groups is None
         super().fit(X, y, groups=groups)
         if groups is None:
             warn(
@@ -144,21 +160,11 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         table = self._checked_features(X)
         codes = np.searchsorted(self.classes_, np.asarray(y))
         units = group_codes(groups, len(table))
-        self._levels = levels = self._estimated(table, codes, units)
+        levels = self._estimated(table, codes, units)
         if levels.variances.any():  # otherwise exactly as without units
             self._gaussians = levels.gaussians()
             self.means_, self.covariances_ = self._gaussians.means, self._gaussians.covariances
         return self
-
-    @property
-    def between_covariance_(self) -> Array:
-        """Covariance of the offset of a unit, shape (n_features, n_features)."""
-        return self._unit().between
-
-    @property
-    def within_covariance_(self) -> Array:
-        """Covariance of the recordings of a unit in a class, shape (n_features, n_features)."""
-        return self._unit().within
 
     def prediction_sets(self, X, coverage=0.9, groups=None):
         """Return the classes that cannot be excluded for each recording.
@@ -201,7 +207,11 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         """
         coverage = check_number(coverage, "coverage", above=0, below=1)
         posterior = self.predict_proba(X)
-        self._unit()
+        if self._without_units:
+            raise ValueError(
+                "NewUnitClassifier knows no difference between units: it was fitted without "
+                "groups. Call fit with groups=, the unit of each recording."
+            )
         left = self._calibrated("left_out")
         self._warn_of_shift(X, groups, left.typicality, left.units)
         threshold = probability_threshold(
@@ -209,16 +219,14 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         )
         return classes_above(posterior, threshold)
 
-    def _warn_of_shift(
-        self, X: Any, groups: Any, known: Array, units: Indices, *, level: float = 0.05
-    ) -> None:
+    def _warn_of_shift(self, X: Any, groups: Any, known: Array, units: Indices) -> None:
         """Warn if units are less typical than those of the training were when left out."""
         typicality = pd.Series(self.typicality(X))
         labels = np.zeros(len(typicality)) if groups is None else groups
         new = typicality.groupby(group_codes(labels, len(typicality))).mean()
         usual = pd.Series(known).groupby(units).mean()
         probability = mannwhitneyu(new, usual, alternative="less").pvalue
-        if probability < level:
+        if probability < 0.05:
             warn(
                 "shifted units",
                 f"{len(new)} units with a mean typicality of {new.mean():.2g} are less "
@@ -226,15 +234,6 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
                 f"the true class less often than stated. Train with such units.",
                 stacklevel=3,
             )
-
-    def _unit(self) -> UnitLevels:
-        if self._levels is None:
-            check_is_fitted(self)
-            raise ValueError(
-                "NewUnitClassifier knows no difference between units: it was fitted without "
-                "groups. Call fit with groups=, the unit of each recording."
-            )
-        return self._levels
 
     def _estimated(self, X: Array, codes: Indices, units: Indices) -> UnitLevels:
         """Estimate the covariances from recordings of classes and units numbered from 0."""
@@ -316,3 +315,245 @@ def probability_threshold(
     own[own == posterior.max(axis=1)] = 1.0  # always in the set
     shares = np.bincount(codes, 1 / np.bincount(units)[units], len(priors))[codes]
     return -grouped_quantile(-own, units, coverage, priors[codes] / shares)
+
+
+class UnitLevels(NamedTuple):
+    """Estimates for a new unit: its level m_k + b in each class.
+
+    Attributes
+    ----------
+    directions : ndarray of shape (n_features, n_features)
+        D, with W = D D' and B diagonal: coordinates along its columns are independent.
+    means : ndarray of shape (n_features, n_classes)
+        Expected coordinate, along each direction, of the level in each class.
+    variances : ndarray of shape (n_features, n_classes)
+        Its variance along each direction, where that within a unit is 1.
+    """
+
+    directions: Array
+    means: Array
+    variances: Array
+
+    def gaussians(self) -> GaussianClasses:
+        """Return the densities of a recording of the unit in each class."""
+        total = 1 + np.maximum(self.variances.T, 0.0)[:, np.newaxis, :]  # rounding leaves -1e-17
+        inverse = np.linalg.inv(self.directions).T
+        determinants = 2 * np.linalg.slogdet(self.directions)[1] + np.log(total).sum(axis=(1, 2))
+        return GaussianClasses(
+            self.means.T @ self.directions.T,
+            (self.directions * total) @ self.directions.T,
+            inverse / np.sqrt(total),
+            determinants,
+            np.zeros(len(total), bool),
+        )
+
+
+class UnitScatter(NamedTuple):
+    """Scatter of recordings about the means of their classes, divided into two parts.
+
+    Attributes
+    ----------
+    within, between : ndarray of shape (n_features, n_features)
+        Mean squares within units, and of what the offsets of the units explain.
+    between_divisor : int
+        Degrees of freedom of the second.
+    multiplicity : float
+        Effective number of recordings of a unit, n: the expected values are W and W + n B.
+    """
+
+    within: Array
+    between: Array
+    between_divisor: int
+    multiplicity: float
+
+
+def unit_scatter(X: Array, codes: Indices, units: Indices) -> UnitScatter:
+    """Divide the scatter about class means by Henderson's method of fitting constants, [1]_.
+
+    Parameters
+    ----------
+    X : ndarray of shape (n_recordings, n_features)
+        Features.
+    codes, units : ndarray of int, shape (n_recordings,)
+        Number of the class, and of the unit, of each recording; none is left out.
+
+    Returns
+    -------
+    UnitScatter
+
+    Raises
+    ------
+    ValueError
+        If no class was recorded on several units, or no unit has several recordings.
+
+    Examples
+    --------
+    >>> X = np.array([[1.0], [3.0], [5.0], [7.0]])
+    >>> parts = unit_scatter(X, np.zeros(4, int), np.array([0, 0, 1, 1]))
+    >>> parts.within.round(9), parts.between.round(9), parts.multiplicity
+    (array([[2.]]), array([[16.]]), 2.0)
+    """
+    classes = np.eye(codes.max() + 1)[codes]
+    counts = _sums(classes, units)
+    sizes, totals = counts.sum(axis=1, keepdims=True), counts.sum(axis=0)
+    deviations = X - (_sums(X, codes) / totals[:, np.newaxis])[codes]
+    inside = deviations - (_sums(deviations, units) / sizes)[units]
+    classes_inside = classes - (counts / sizes)[units]
+    fitted, _, rank, _ = np.linalg.lstsq(classes_inside, inside, rcond=None)
+    rest = inside - classes_inside @ fitted
+    explained = deviations - rest
+    rank += len(counts)  # of the classes and the units together
+    within, between = len(X) - int(rank), int(rank) - len(totals)
+    if between < 1 or within < 1:
+        raise ValueError(
+            "the variances within and between units cannot be told apart. Record one class on two "
+            "units, and units several times, or use CostSensitiveGaussianBayes."
+        )
+    shared = float(np.sum(counts**2 / totals))
+    mean_squares = rest.T @ rest / within, explained.T @ explained / between
+    return UnitScatter(*mean_squares, between, (len(X) - shared) / between)
+
+
+def fit_unit_levels(
+    X: Array, codes: Indices, units: Indices, plain: Array, *shrinkage: ArrayLike
+) -> UnitLevels:
+    """Estimate what is known of a new unit before any recording of it.
+
+    Both mean squares of `unit_scatter` are shrunk like the covariance of the classifier. The
+    eigenvalues of that between units, which has few degrees of freedom, are corrected where W is
+    the identity (`population_eigenvalues`). B is not negative along any direction, [2]_.
+
+    Parameters
+    ----------
+    X, codes, units : ndarray
+        As for `unit_scatter`.
+    plain : ndarray of shape (n_features, n_features)
+        Covariance within the classes without a difference between units: W if none is found.
+    *shrinkage : array-like
+        Arguments `coefficients` and `squared_scales` of `shrink`.
+
+    Returns
+    -------
+    UnitLevels
+
+    Raises
+    ------
+    ValueError
+        As `unit_scatter`, or if W is singular.
+    """
+    parts = unit_scatter(X, codes, units)
+    within, between = (shrink(part[np.newaxis], *shrinkage)[0] for part in parts[:2])
+    white, of_plain = inverse_factor(within), inverse_factor(plain)
+    if white is None or of_plain is None:
+        raise ValueError(
+            f"the covariance within units is singular, for {X.shape[1]} features and {len(X)} "
+            f'recordings. Use shrinkage="auto", more recordings of each unit or fewer features.'
+        )
+    mean_square = white[0].T @ between @ white[0]
+    values, vectors = np.linalg.eigh(mean_square)
+    values = population_eigenvalues(values, parts.between_divisor)
+    ratios = np.maximum(values - 1, 0) / parts.multiplicity
+    directions = within @ white[0] @ vectors if ratios.any() else plain @ of_plain[0]
+    return UnitLevels(directions, *_class_levels(directions, ratios, X, codes, units))
+
+
+def population_eigenvalues(values: ArrayLike, divisor: int) -> Array:
+    """Correct the eigenvalues of a covariance that has few degrees of freedom.
+
+    The largest of a sample are too large, the smallest too small. Those beyond the range of
+    eigenvalues of uncorrelated features of one variance are moved to the value that would have
+    caused them [1]_; the others are shrunk towards their mean, as far as their variance is that of
+    equal ones [2]_. Their sum, which is unbiased, is kept. That variance is the mean of the
+    corrected others; it is iterated until it stays the same.
+
+    Parameters
+    ----------
+    values : array-like of shape (n_features,)
+        Eigenvalues, at least 0, in any order.
+    divisor : int
+        Degrees of freedom of the covariance.
+
+    Returns
+    -------
+    corrected : ndarray of shape (n_features,)
+        In the same order.
+
+    References
+    ----------
+    .. [1] Donoho, Gavish and Johnstone, Optimal shrinkage of eigenvalues in the spiked covariance
+       model, Annals of Statistics 46 (4), 2018, Eq. (1.10).
+    .. [2] Ledoit and Wolf, A well-conditioned estimator for large-dimensional covariance
+       matrices, Journal of Multivariate Analysis 88 (2004).
+
+    Examples
+    --------
+    >>> population_eigenvalues([9.0, 1.4, 1.1, 0.9, 0.6], 20).round(3)
+    array([8.693, 1.077, 1.077, 1.077, 1.077])
+    """
+    values = np.asarray(values)
+    ratio, level = len(values) / divisor, values.mean()  # of the features that are equal
+    corrected = np.empty(len(values))
+    while True:
+        above = values > level * (1 + np.sqrt(ratio)) ** 2
+        half = (values[above] / level + 1 - ratio) / 2
+        corrected[above] = level * (half + np.sqrt(half**2 - values[above] / level))
+        before, level = level, (values.sum() - corrected[above].sum()) / np.count_nonzero(~above)
+        if before - level <= 1e-12 * values.mean():  # it only decreases
+            break
+    corrected[~above] = level
+    spread = values[~above] - values[~above].mean()
+    variance = np.mean(spread**2)
+    if variance > ratio * level**2:  # more than equal features would show
+        corrected[~above] += (1 - ratio * level**2 / variance) * spread
+    return corrected
+
+
+def _class_levels(
+    directions: Array, ratios: Array, X: Array, codes: Indices, units: Indices
+) -> tuple[Array, Array]:
+    """Return means and variances of `UnitLevels` by generalised least squares.
+
+    The uncertainty of the class means counts as far as it stems from the units: without it, classes
+    recorded on different units would seem to differ by the offsets of these units.
+    """
+    coordinates = np.linalg.solve(directions, X.T).T
+    counts = _sums(np.eye(codes.max() + 1)[codes], units)
+    totals = counts.sum(axis=0)
+    weight = ratios / (1 + np.outer(counts.sum(axis=1), ratios))  # (I + r Z Z')^-1, by Woodbury
+    sums = _sums(coordinates, codes) - counts.T @ (weight * _sums(coordinates, units))
+    information = np.diag(totals) - np.einsum("uj,uk,ul->jkl", weight, counts, counts)
+    prior = _contrast_precision(information, sums)
+    means = np.einsum("jkl,lj->jk", np.linalg.inv(information + prior), sums)
+    excess = np.linalg.inv(information + prior) - np.linalg.inv(np.diag(totals) + prior)
+    return means, np.diagonal(excess, axis1=1, axis2=2) + ratios[:, np.newaxis]
+
+
+def _sums(rows: NDArray[Any], numbers: Indices) -> Array:
+    """Add up the rows of each number."""
+    sums = np.zeros((numbers.max() + 1, rows.shape[1]))
+    np.add.at(sums, numbers, rows)
+    return sums
+
+
+def _contrast_precision(information: Array, sums: Array) -> Array:
+    """Return the prior precision of the differences between the classes, (n_classes, n_classes).
+
+    Where units differ much, means of classes recorded on different units differ by chance; this
+    must not pass for a difference between the classes. The differences have the same variance t
+    along every direction, for which sum y^2 / (t + variance of y) has its expected value [3]_.
+    """
+    n_classes = len(sums)
+    centring = np.eye(n_classes) - 1 / n_classes
+    contrasts = np.linalg.eigh(centring)[1][:, 1:]  # orthonormal, without the common level
+    of_means = np.linalg.inv(information)
+    variances, axes = np.linalg.eigh(contrasts.T @ of_means @ contrasts)
+    means = np.einsum("jkl,lj->jk", of_means, sums) @ contrasts
+    squares = np.einsum("jkl,jk->jl", axes, means) ** 2
+
+    def excess(variance: float) -> float:
+        return float(np.sum(squares / (variance + variances))) - squares.size
+
+    smallest = 1e-6  # where the variance within a unit is 1
+    if excess(smallest) <= 0:  # no difference is proven
+        return centring / smallest
+    return centring / brentq(excess, smallest, squares.mean())

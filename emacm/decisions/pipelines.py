@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils import metadata_routing
 from sklearn.utils.validation import has_fit_parameter
 
+from emacm.decisions.costs import plain_labels
 from emacm.recordings.meta import chosen_rows
 from emacm.resampling.order_resampler import OrderResampler
 
@@ -132,19 +133,18 @@ def groups_options(estimator: Any, groups: Any) -> dict[str, Any]:
     if get_config()["enable_metadata_routing"]:
         names = metadata_routing.get_routing_for_object(estimator).consumes("fit", ["groups"])
     else:
-        names = _groups_parameters(estimator)
+        names = groups_parameters(estimator)
     return dict.fromkeys(names, groups)
 
 
-def uses_groups(estimator: Any) -> bool:
-    """Return whether `fit` learns anything from left-out groups."""
-    return bool(_groups_parameters(estimator))
+def groups_parameters(estimator: Any) -> list[str]:
+    """Return the names of the arguments of `fit` that are groups from which anything is learned.
 
-
-def _groups_parameters(estimator: Any) -> list[str]:
+    Without scikit-learn's metadata routing.
+    """
     if isinstance(estimator, Pipeline):
         return [
-            f"{step}__{name}" for step, part in estimator.steps for name in _groups_parameters(part)
+            f"{step}__{name}" for step, part in estimator.steps for name in groups_parameters(part)
         ]
     if has_fit_parameter(estimator, "groups"):
         unknown, temperature = (getattr(estimator, n, None) for n in ("unknown", "temperature"))
@@ -152,7 +152,7 @@ def _groups_parameters(estimator: Any) -> list[str]:
         return ["groups"] if needed or unknown is not None or temperature == "groups" else []
     # Searches and routers pass what `fit` gets on to the estimator inside.
     inner = getattr(estimator, "estimator", None)
-    return [] if inner is None else _groups_parameters(inner)
+    return [] if inner is None else groups_parameters(inner)
 
 
 def groups_are_units(estimator: Any) -> bool:
@@ -280,3 +280,104 @@ def _members(model: Any, X: Any) -> Iterator[tuple[Any, Any]]:
     parts += [*getattr(model, "estimators_", ()), *(getattr(model, name, None) for name in inner)]
     parts += [part.estimator for part in getattr(model, "calibrated_classifiers_", ())]
     yield from ((part, X) for part in parts if hasattr(part, "fit"))
+
+
+def stated_costs(estimator: Any) -> dict[str, Any]:
+    """Return the cost by which an estimator decides, its unknown state and its priors.
+
+    They are those of the last step of pipelines and searches. Costs and priors of an estimator
+    inside of that step (a member of a `PosteriorProduct`, for example) do not count; its unknown
+    state does.
+
+    Returns
+    -------
+    dict
+        "cost", "unknown" and "priors"; None if they are not stated.
+
+    Raises
+    ------
+    ValueError
+        If the last step has no costs, but a classifier inside of it has, which decides nothing.
+
+    Examples
+    --------
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from emacm import CostSensitiveGaussianBayes
+    >>> model = CostSensitiveGaussianBayes(unknown="unknown", priors="uniform")
+    >>> stated_costs(make_pipeline(model))
+    {'cost': None, 'unknown': 'unknown', 'priors': 'uniform'}
+    """
+    final = final_estimator(estimator)
+    for inner in parts_of(final):
+        if not hasattr(final, "cost") and getattr(inner, "cost", None) is not None:
+            raise ValueError(
+                f"the cost of {type(inner).__name__} has no effect on decisions of "
+                f"{type(final).__name__}. Use LeastRiskClassifier({type(final).__name__}(...), "
+                f"cost=...)."
+            )
+    return {name: getattr(final, name, None) for name in ("cost", "unknown", "priors")}
+
+
+def narrowed(model: Any, known: Iterable[Any], classes: Iterable[Any]) -> Any:
+    """Remove classes that do not occur from all costs and priors of an estimator, nested ones too.
+
+    The posterior probability of a class that is absent from training is 0, and so is its
+    contribution to every expected cost, Eq. (2.39) of [1]_: removing its column changes no
+    decision among those that remain. Priors of the other classes are normalised; that of the
+    unknown state stays.
+
+    Parameters
+    ----------
+    model : estimator
+        It is changed; pass a clone. Of a cost, a DataFrame keeps every decision, a mapping loses
+        the pairs that name an absent class, an array its rows and columns. What does not fit the
+        classes stays as it is.
+    known, classes : iterable of labels
+        Classes that occur, and all classes, sorted.
+
+    Returns
+    -------
+    estimator
+        The same object.
+
+    Examples
+    --------
+    >>> from emacm import CostSensitiveGaussianBayes
+    >>> model = CostSensitiveGaussianBayes({("ok", "worn"): 10, ("ok", "dry"): 5})
+    >>> narrowed(model, ["dry", "ok"], ["dry", "ok", "worn"])
+    CostSensitiveGaussianBayes(cost={('ok', 'dry'): 5})
+    """
+    every, occurring = plain_labels(classes), plain_labels(known)
+    absent = {place: label for place, label in enumerate(every) if label not in occurring}
+    of_some = {"cost": _cost_of_some, "priors": _priors_of_some}
+    for name, value in model.get_params().items() if absent else ():
+        parameter = name.rpartition("__")[2]
+        if parameter in of_some:
+            model.set_params(**{name: of_some[parameter](value, absent, every)})
+    return model
+
+
+def _cost_of_some(cost: Any, absent: Mapping[int, Any], every: Sequence[Any]) -> Any:
+    """Remove absent classes, given by their place."""
+    n_classes = len(every)
+    if isinstance(cost, pd.DataFrame):
+        return cost.drop(columns=[*absent.values()], errors="ignore")
+    if isinstance(cost, Mapping):
+        named = set(absent.values())
+        return {pair: value for pair, value in cost.items() if not named & set(pair)}
+    if np.shape(cost) not in {(n_classes,) * 2, (n_classes + 1,) * 2}:  # such as None
+        return cost
+    return np.delete(np.delete(cost, [*absent], axis=0), [*absent], axis=1)
+
+
+def _priors_of_some(priors: Any, absent: Mapping[int, Any], every: Sequence[Any]) -> Any:
+    """Remove absent classes, given by their place; the unknown state keeps its probability."""
+    is_named = isinstance(priors, Mapping | pd.Series)
+    if not is_named and np.shape(priors) not in {(len(every),), (len(every) + 1,)}:
+        return priors  # such as "uniform"
+    labels = None if is_named else [*every, "the unknown state"][: len(priors)]
+    kept = pd.Series(dict(priors) if is_named else priors, labels)
+    kept = kept.drop([*absent.values()], errors="ignore")
+    is_class = kept.index.isin(every)
+    kept[is_class] *= (1 - kept[~is_class].sum()) / kept[is_class].sum()
+    return kept.to_dict() if is_named else kept.to_numpy()

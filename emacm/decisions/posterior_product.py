@@ -6,15 +6,18 @@ from typing import Any, ClassVar
 
 import numpy as np
 from sklearn.base import ClassifierMixin
-from sklearn.utils import Bunch
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import located
 from emacm._saved import SavedEstimator
-from emacm.decisions.least_risk import LeastRiskClassifier
-from emacm.decisions.pipelines import groups_are_units, groups_options, uses_groups
-from emacm.decisions.risks import Array, CombinedRiskMixin, pooled_log_posterior
-from emacm.decisions.truths import check_possible
+from emacm.calibration.left_out import Array
+from emacm.decisions.costs import check_possible
+from emacm.decisions.least_risk import (
+    CombinedRiskMixin,
+    LeastRiskClassifier,
+    pooled_log_posterior,
+)
+from emacm.decisions.pipelines import groups_are_units, groups_options, groups_parameters
 
 
 class PosteriorProduct(CombinedRiskMixin, ClassifierMixin, SavedEstimator):
@@ -98,7 +101,7 @@ class PosteriorProduct(CombinedRiskMixin, ClassifierMixin, SavedEstimator):
     @property
     def needs_groups(self) -> bool:
         """Whether a member learns from groups."""
-        return any(uses_groups(member) for member in self._named_pairs().values())
+        return any(groups_parameters(member) for member in self._named_pairs().values())
 
     @property
     def groups_are_units(self) -> bool:
@@ -131,7 +134,7 @@ class PosteriorProduct(CombinedRiskMixin, ClassifierMixin, SavedEstimator):
                 fitted[name] = LeastRiskClassifier(member).fit(X, y, **options)
         self._members = fitted
         self.classes_ = next(iter(fitted.values())).classes_
-        self.named_estimators_ = Bunch(**{name: m.estimator_ for name, m in fitted.items()})
+        self.named_estimators_ = {name: m.estimator_ for name, m in fitted.items()}
         self.estimators_ = list(self.named_estimators_.values())
         self._cost_table()
         self._agreed("unknown_rate")
@@ -165,10 +168,8 @@ class PosteriorProduct(CombinedRiskMixin, ClassifierMixin, SavedEstimator):
         """Return parameters; with `deep`, also members, and theirs as ``name__parameter``."""
         parameters = super().get_params()
         for name, member in self._named_pairs().items() if deep else ():
-            parameters[name] = member
-            if hasattr(member, "get_params"):
-                inner = member.get_params(deep=True)
-                parameters |= {f"{name}__{key}": value for key, value in inner.items()}
+            inner = member.get_params(deep=True)
+            parameters |= {name: member} | {f"{name}__{key}": inner[key] for key in inner}
         return parameters
 
     def set_params(self, **params):

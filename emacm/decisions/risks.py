@@ -1,4 +1,4 @@
-"""The conditional risk of each decision, and the decision of least risk.
+"""The conditional risk of each decision, the decision of least risk, and what left-out groups tell.
 
 Rows of a cost matrix are decisions, columns are true classes, as in `emacm.decisions.costs`.
 
@@ -10,21 +10,34 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import logsumexp
+from scipy.special import softmax
+from sklearn.exceptions import NotFittedError
 from sklearn.utils.metaestimators import available_if
+from sklearn.utils.validation import check_is_fitted
 
-from emacm.decisions.costs import cost_table
+from emacm._checks import check_choice, check_number, group_codes
+from emacm._statements import warn
+from emacm.calibration.left_out import (
+    Array,
+    Indices,
+    check_judged,
+    fit_temperature,
+    left_out,
+    single_recordings,
+)
+from emacm.decisions.costs import cost_table, label_array, truth_labels, truth_priors
 from emacm.decisions.metrics import fraction_correct
-from emacm.decisions.pipelines import before_the_last_step, final_estimator
-from emacm.decisions.truths import label_array, truth_labels, truth_priors
-from emacm.decisions.typicality import prior_for_rate, unknown_probability
-
-Array = NDArray[np.float64]
+from emacm.decisions.typicality import (
+    Typicality,
+    fit_typicality,
+    prior_for_rate,
+    unknown_probability,
+)
 
 
 def has_unknown(classifier: Any) -> bool:
@@ -245,189 +258,211 @@ class LeastRiskMixin:
         return np.hstack([posterior * (1 - unknown), unknown])
 
 
-class CombinedRiskMixin(LeastRiskMixin):
-    """Decisions from the posteriors of fitted classifiers, with the unknown state that they have.
+def check_temperature(temperature: Any) -> None:
+    """Raise if a temperature is neither None, "groups" nor a positive number."""
+    if isinstance(temperature, str):
+        check_choice(temperature, "temperature as a word", ("groups",))
+    elif temperature is not None:
+        check_number(temperature, 'temperature, if not None or "groups",', above=0)
 
-    A recording is as typical as for the classifier that knows least of it, so that one whose
-    channel is dead does not decide. All classifiers must have the same unknown state, or none.
+
+class LeftOut(NamedTuple):
+    """Training recordings, judged by classifiers that were fitted without their groups.
+
+    Only those of classes of which others remained.
+
+    Attributes
+    ----------
+    typicality : ndarray of shape (n_recordings,)
+        Of each recording.
+    log_densities : ndarray of shape (n_recordings, n_classes)
+        -inf for classes of which no other recordings remain.
+    codes, units : ndarray of int, shape (n_recordings,)
+        Number of the true class, and of the group.
     """
 
-    _inside: Any  # classifiers or pipelines by name; before `fit`, those that were given
+    typicality: Array
+    log_densities: Array
+    codes: Indices
+    units: Indices
+
+
+class LeftOutMixin(LeastRiskMixin):
+    """Typicality, unknown state and temperature, found by leaving out each group in turn.
+
+    The results are None before anything was left out, and what is not needed.
+    """
+
+    class_count_: Array
+    unknown_rate: Any
+    temperature: Any
+    _typicality: Typicality | None = None
+    _temperature: float | None = None
+    _left_out: LeftOut | None = None
+    _checked_features: Any
+    # (X, codes, units, weight, X_left): log densities of left-out recordings under classes fitted
+    # to the others, shape (n_left, n_classes); -inf for classes of which too few others remain.
+    _densities_without: Any
 
     @property
-    def unknown(self):
-        """Label of the unknown state of the classifiers inside; None if they have none."""
-        for final in map(final_estimator, self._inside.values()):
-            has_prior = getattr(type(final), "unknown_prior_", None) is not None
-            if getattr(final, "unknown", None) is not None and not has_prior:
-                kind = f"{type(self).__name__} inside {type(final).__name__}"
-                raise ValueError(f"the unknown state would be lost. Put {kind}, not around it.")
-        return self._agreed("unknown")
-
-    @property
-    def unknown_rate(self):
-        """Rate of the unknown state of the classifiers inside; None if they have none."""
-        return self._agreed("unknown_rate")
+    def temperature_(self) -> float:
+        """Temperature of the densities in effect."""
+        check_temperature(self.temperature)  # it may have been set after `fit`
+        if isinstance(self.temperature, str):
+            return self._calibrated("temperature")
+        return 1.0 if self.temperature is None else float(self.temperature)
 
     @property
     def unknown_limit_(self):
-        """Typicality up to which a recording is most probably unknown; None without a rate.
+        """Typicality up to which the unknown state is the most probable one; None without a rate.
 
-        The least of the classifiers inside: it depends on how many groups each of them left out.
+        Below `unknown_rate` by one standard error of the mean over the groups that were left out:
+        the shares of untypical recordings in single groups scatter about as much as their mean
+        (0.8 times, at 5 % on the runs 1 to 4 of the Cranfield actuator).
         """
         if self.unknown_rate is None:
             return None
-        return min(final_estimator(inner).unknown_limit_ for inner in self._inside.values())
+        n_groups = len(np.unique(self._calibrated("left_out").units)) or 1
+        return self.unknown_rate / (1 + n_groups**-0.5)
 
     @property
-    def _unknown_default(self) -> float:
-        finals = map(final_estimator, self._inside.values())
-        return max((getattr(final, "unknown_prior_", None) or 0.0 for final in finals), default=0.0)
+    def distances_(self) -> Any:
+        """The `ClassDistances` that `typicality` is based on."""
+        return self._calibrated("typicality").distances
 
-    def _agreed(self, name: str) -> Any:
-        """Return a property of the classifiers inside, which must be the same for all."""
-        inside = self._inside.items()
-        found = {key: getattr(final_estimator(inner), name, None) for key, inner in inside}
-        first = next(iter(found.values()), None)
-        if any(value != first for value in found.values()):
-            raise ValueError(
-                f"members have different {name}: {found}. Give all the same unknown= and "
-                f"unknown_rate=, or none: a member that knows of no unknown state would decide on "
-                f"recordings of a dead channel."
+    @property
+    def feature_range_(self) -> Array:
+        """Smallest and largest training value of each feature, shape (2, n_features)."""
+        return self._calibrated("typicality").feature_range
+
+    def _leave_out(self, X: Array, codes: Indices, groups: Any, weight: Array) -> None:
+        """Set what is found by leaving each group out; without groups, single recordings."""
+        rows = np.flatnonzero(weight > 0)
+        if groups is None:
+            warn(
+                "groups",
+                f"fit was called without groups, so single recordings are left out. Those that "
+                f"were measured together (one unit, one run) make the model over-confident: give "
+                f"their labels, in a pipeline as {type(self).__name__.lower()}__groups=units.",
+                stacklevel=3,
             )
-        return first
+            units = single_recordings(codes[rows], X[rows])
+        else:
+            units = group_codes(groups, len(codes))[rows]
+        X, codes, weight = X[rows], codes[rows], weight[rows]
+        self._typicality = fit_typicality(X, codes, units, weight)
+        logs = np.full((len(rows), len(self.classes_)), -np.inf)
+        for others, left in left_out(codes, units):
+            logs[left] = self._densities_without(
+                X[others], codes[others], units[others], weight[others], X[left]
+            )
+        judged = np.isfinite(logs[np.arange(len(codes)), codes])
+        columns = self._typicality.left_out, logs, codes, units
+        self._left_out = LeftOut(*(column[judged] for column in columns))
+        if isinstance(self.temperature, str):
+            check_judged(judged)
+            some = logs[judged], codes[judged], weight[judged]
+            self._temperature = fit_temperature(*some, self.class_count_ / self.class_count_.sum())
 
-    def least_typical(self, X: Any) -> Any:
-        """Return the classifier or pipeline inside that knows least of one recording."""
-        found = [final.typicality(table)[0] for final, table in self._opened(X)]
-        return [*self._inside.values()][int(np.argmin(found))]
-
-    def _opened(self, X: Any) -> list[tuple[Any, Any]]:
-        """Return each classifier inside, without the steps before it, and its input."""
-        return [before_the_last_step(inner, X) for inner in self._inside.values()]
-
-    @available_if(lambda self: self._has("typicality"))
     def typicality(self, X):
-        """Return the fraction of known recordings that are at least as unlike the training.
+        """Return the fraction of left-out training recordings that are at least as far away.
 
-        The least typicality p of m classifiers is at most p by chance m times as often:
-        ``1 - (1 - p)^m`` is uniform for known recordings if the classifiers are independent within
-        each class (Tippett's method [1]_), and too large rather than too small if they agree.
+        Every training recording is judged by a model without its group. Distances to the nearest
+        class are measured inside and outside the discriminant space (where large deviations of few
+        features count less) and for the largest deviation of a single feature, with one covariance
+        for all classes; beyond the farthest left-out recordings their distribution has a modelled
+        tail, which is wider the fewer they are.
 
         Parameters
         ----------
-        X : list of Recording, or table
-            As for `fit`.
+        X : array-like of shape (n_recordings, n_features)
+            Features.
 
         Returns
         -------
         typicality : ndarray of shape (n_recordings,)
-            In (0, 1].
+            In (0, 1]. 0.01 or less: at most one in a hundred known recordings is so far away.
 
-        References
-        ----------
-        .. [1] Tippett, The Methods of Statistics (1931); Loughin, A systematic comparison of
-           methods for combining p-values, Computational Statistics & Data Analysis 47 (2004).
+        Raises
+        ------
+        ValueError
+            If an input is invalid, or `fit` had neither `groups` nor an unknown state.
         """
-        found = [final.typicality(table) for final, table in self._opened(X)]
-        if len(found) == 1:
-            return found[0]
-        with np.errstate(divide="ignore"):  # log(0) of the most typical recording
-            return -np.expm1(len(found) * np.log1p(-np.min(found, axis=0)))
+        return self._calibrated("typicality")(self._checked_features(X))
 
-    @available_if(lambda self: self._has("second_states"))
     def second_states(self, X, decisions):
         """Return the class whose lines each recording has beyond those of the decided one.
 
-        As `CostSensitiveGaussianBayes.second_states`, by the first classifier that finds one.
+        Two damaged parts raise the features of both; a classifier of single faults decides one of
+        them. The deviation from the decided class is projected on what each other class raises;
+        about 2 % of left-out training recordings deviate as far.
 
         Parameters
         ----------
-        X : list of Recording, or table
-            As for `fit`.
+        X : array-like of shape (n_recordings, n_features)
+            Features.
         decisions : sequence of n_recordings labels
-            Decisions of `predict`.
+            Decisions of `predict`; in place of one that is no class, the most probable class.
 
         Returns
         -------
         list of label or None
+            None if there is no such class, the decision is the unknown state, or `fit` had neither
+            `groups` nor an unknown state.
         """
-        found = [final.second_states(table, decisions) for final, table in self._opened(X)]
+        check_is_fitted(self)
+        if self._typicality is None:
+            return [None] * len(decisions)
+        classes = self.classes_.tolist()
+        probable = zip(decisions, self.predict_proba(X).argmax(axis=1), strict=True)
+        codes = [classes.index(label) if label in classes else k for label, k in probable]
+        others = self._typicality.second_classes(self._checked_features(X), np.array(codes))
         return [
-            next((state for state in states if state is not None), None)
-            for states in zip(*found, strict=True)
+            None if code < 0 or decision == self.unknown else classes[code]
+            for code, decision in zip(others, decisions, strict=True)
         ]
 
-    def _has(self, name: str) -> bool:
-        return all(hasattr(final_estimator(inner), name) for inner in self._inside.values())
+    def left_out_decisions(self):
+        """Return the present decision on each training recording, judged without its group.
+
+        Returns
+        -------
+        DataFrame
+            "truth", "decision", "typicality" and "group" (a number) of the recordings of classes
+            that other groups have as well.
+
+        Raises
+        ------
+        ValueError
+            If `fit` had neither `groups` nor an unknown state.
+        """
+        left = self._calibrated("left_out")
+        log_priors = np.log(np.maximum(self.priors_, np.finfo(np.float64).tiny))
+        joint = left.log_densities / self.temperature_ + log_priors
+        truths = self.truth_proba(None, softmax(joint, axis=1), left.typicality)
+        return pd.DataFrame(
+            {
+                "truth": self.classes_[left.codes],
+                "decision": self.decided(truths),
+                "typicality": left.typicality,
+                "group": left.units,
+            }
+        )
 
     @property
-    def n_features_in_(self):
-        """Number of features, as the (first) classifier inside counts them."""
-        return next(iter(self._inside.values())).n_features_in_
+    def _frequencies(self):
+        return self.class_count_
 
-    @property
-    def feature_names_in_(self):
-        """Names of the features, as the (first) classifier inside knows them."""
-        return next(iter(self._inside.values())).feature_names_in_
-
-
-def pooled_log_posterior(
-    log_posteriors: Sequence[ArrayLike], member_priors: ArrayLike, priors: ArrayLike
-) -> Array:
-    """Multiply the likelihoods of all members and the prior.
-
-    The posterior of a member divided by the prior of this member is, up to a constant, the
-    likelihood. The product rule [1]_ is exact if the members are independent within each class.
-
-    Parameters
-    ----------
-    log_posteriors : sequence of n_members array-likes of shape (n_recordings, n_classes)
-        Logarithm of the posterior of each member.
-    member_priors : array-like of shape (n_members, n_classes)
-        The prior within the posterior of each member; positive where `priors` are.
-    priors : array-like of shape (n_classes,)
-        The prior of the result. A class of prior 0 stays impossible.
-
-    Returns
-    -------
-    log_posterior : ndarray of shape (n_recordings, n_classes)
-        Normalised. Never NaN: a posterior of exactly 0 (of a class with a prior) counts
-        as the smallest positive number, or as the least of its row if that is smaller;
-        members that contradict each other with certainty cancel.
-
-    References
-    ----------
-    .. [1] Kittler, Hatef, Duin and Matas, On combining classifiers, IEEE Transactions on Pattern
-       Analysis and Machine Intelligence 20 (3), 1998.
-
-    Examples
-    --------
-    Two channels, each 4:1 for the second class, whose prior is 0.5:
-
-    >>> one = np.log([[0.2, 0.8]])
-    >>> half = [0.5, 0.5]
-    >>> np.exp(pooled_log_posterior([one, one], [half, half], half)).round(3)
-    array([[0.059, 0.941]])
-    """
-    shared, own = np.asarray(priors, dtype=np.float64), np.asarray(member_priors, dtype=np.float64)
-    possible = shared > 0
-    pooled = np.full((len(np.asarray(log_posteriors[0])), len(shared)), -np.inf)
-    pooled[:, possible] = np.log(shared[possible])
-    for logs, prior in zip(log_posteriors, own, strict=True):
-        # log p(k|x_1..x_m) = log P(k) + sum_j [log p_j(k|x_j) - log P_j(k)] + constant
-        likelihood = _finite(np.asarray(logs, dtype=np.float64)[:, possible])
-        likelihood = likelihood - np.log(prior[possible])
-        pooled[:, possible] += likelihood - likelihood.max(axis=1, keepdims=True)
-    return pooled - logsumexp(pooled, axis=1, keepdims=True)
-
-
-def _finite(logs: Array) -> Array:
-    """Replace the logarithm of 0 by that of the smallest number that it may stand for."""
-    zero = np.isneginf(logs)
-    tiny = np.log(np.finfo(np.float64).tiny)
-    least = np.where(zero, tiny, logs).min(axis=1, keepdims=True)
-    return np.maximum(np.where(zero, least, logs), -1e300)  # sums do not overflow
+    def _calibrated(self, name: str) -> Any:
+        """Return what was found by leaving groups out."""
+        check_is_fitted(self)
+        found = getattr(self, f"_{name}")
+        if found is None:
+            raise NotFittedError(  # a ValueError, and an AttributeError where it is a property
+                f"{name} is found by leaving groups out, which the last fit did not do. "
+                f"Call fit with groups=, the labels of recordings that were measured together."
+            )
+        return found
 
 
 def canonical_cost(cost: ArrayLike) -> Array:

@@ -176,10 +176,8 @@ class ClassDistances:
         """
         finite = np.finfo(np.float64).max / 4
         with np.errstate(over="ignore", invalid="ignore"):
-            inside = np.array(
-                [np.square((X - m) @ self.directions).sum(axis=1) for m in self.means]
-            )
-            inside = np.fmin(inside, finite)  # replaces overflows, and differences of two of them
+            to_means = [np.square((X - m) @ self.directions).sum(axis=1) for m in self.means]
+            inside = np.fmin(to_means, finite)  # replaces overflows, and differences of two of them
             scaled = (X - self.means[inside.argmin(axis=0)]) / self.deviations
             largest = np.fmin(np.square(scaled).max(axis=1), finite)
             away = _reduce_large(scaled) * self.deviations

@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 from sklearn.utils import check_consistent_length
 
-from emacm.decisions.truths import label_list
+from emacm.decisions.costs import label_list
 from emacm.displays import drawing
 from emacm.displays.drawing import Display
 from emacm.evaluation.results import Evaluation

@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 
 from emacm._checks import check_count
 from emacm._statements import warn
-from emacm.decisions.costs import stated_costs
-from emacm.decisions.pipelines import check_unknown_states
+from emacm.decisions.pipelines import check_unknown_states, stated_costs
 from emacm.evaluation.caveats import single_unit_labels
 from emacm.evaluation.held_out import all_schemes, decide_held_out, read_groupings
 from emacm.evaluation.results import Evaluation, score_held_out

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm.decisions.truths import label_array
+from emacm.decisions.costs import label_array
 from emacm.evaluation.bootstrap import Array, GroupBootstrap, Tally, gap_of_cells
 from emacm.evaluation.scoring import ScoringRule
 

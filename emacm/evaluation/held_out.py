@@ -20,9 +20,13 @@ from sklearn.model_selection import (
 )
 
 from emacm._checks import located
-from emacm.decisions.costs import narrowed
-from emacm.decisions.pipelines import before_the_last_step, groups_are_units, groups_options
-from emacm.decisions.truths import check_distinct
+from emacm.decisions.costs import check_distinct
+from emacm.decisions.pipelines import (
+    before_the_last_step,
+    groups_are_units,
+    groups_options,
+    narrowed,
+)
 from emacm.recordings.inputs import run
 from emacm.recordings.meta import Grouping, chosen_rows, plain_label, read_grouping
 

@@ -25,9 +25,9 @@ from scipy.stats import binom
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_number
+from emacm.decisions.costs import label_array, label_list, label_positions
 from emacm.decisions.pipelines import before_the_last_step
 from emacm.decisions.risks import LeastRiskMixin, decide, risks_of
-from emacm.decisions.truths import label_array, label_list, label_positions
 from emacm.evaluation.bootstrap import Array, GroupBootstrap
 from emacm.evaluation.figures import tallies
 from emacm.evaluation.scoring import ScoringRule, scoring_rule

@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_count
-from emacm.decisions.costs import stated_costs
+from emacm.decisions.pipelines import stated_costs
 from emacm.evaluation.bootstrap import Array, GroupBootstrap, Tally
 from emacm.evaluation.figures import probability_columns
 from emacm.evaluation.held_out import (

@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.multiclass import check_classification_targets
 
 from emacm.conditions.router import check_labels
-from emacm.decisions.costs import cost_table
+from emacm.decisions.costs import cost_table, label_array, truth_labels, truth_priors
 from emacm.decisions.metrics import Correct, are_correct, correct_decisions, label_of
-from emacm.decisions.truths import label_array, truth_labels, truth_priors
 from emacm.recordings.meta import listed_recordings
 
 

@@ -18,7 +18,7 @@ from sklearn.utils import check_consistent_length
 
 from emacm._checks import check_number
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
-from emacm.decisions.truths import label_list, label_positions
+from emacm.decisions.costs import label_list, label_positions
 from emacm.explanations.deviations import (
     PROJECTED,
     find_deviations,

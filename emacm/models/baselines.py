@@ -109,7 +109,8 @@ def add_baseline(model: Any, recordings: Any, *, parts: Parts | None = None) -> 
         )
     check_is_fitted(model)
     recordings = as_list(recordings)
-    _check_lines(recordings, parts)
+    if parts is not None:
+        _check_lines(recordings, parts)
     baseline, known = model[0], [*model[0].means_.values()]
     baseline.add_healthy(recordings)
     conditions = read_meta(recordings, baseline.condition)
@@ -122,10 +123,8 @@ def add_baseline(model: Any, recordings: Any, *, parts: Parts | None = None) -> 
     return model
 
 
-def _check_lines(recordings: Sequence[Any], parts: Parts | None) -> None:
+def _check_lines(recordings: Sequence[Any], parts: Parts) -> None:
     """Raise if a recording has lines of a fault."""
-    if parts is None:
-        return
     found = find_faults(recordings, parts)
     for row in found[~found["named"].isin(["none", "not assessed"])].itertuples():
         raise ValueError(

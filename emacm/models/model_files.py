@@ -10,7 +10,7 @@ import sys
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import is_dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -24,8 +24,13 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._checks import located
 from emacm._saved import installed_versions, values_as_lists, write_whole
 from emacm._statements import warn
-from emacm.decisions.pipelines import check_unknown_states, fitted_resamplers, parts_of
-from emacm.decisions.truths import label_positions
+from emacm.decisions.costs import label_positions
+from emacm.decisions.pipelines import (
+    check_unknown_states,
+    final_estimator,
+    fitted_resamplers,
+    parts_of,
+)
 from emacm.machine.fault_lines import LineLevels
 
 # Numbers and their descriptions. Modules of scikit-learn that read files or run tests are left out.
@@ -47,27 +52,12 @@ def _check_types(names: Sequence[str]) -> None:
         )
 
 
-@contextmanager
-def _readable() -> Iterator[None]:
-    """Give any error of skops the remedy."""
-    try:
-        yield
-    except Exception as error:
-        raise ValueError(
-            f"it cannot be read ({type(error).__name__}: {error}). Save the model again, with "
-            f"the versions installed here: {installed_versions()}."
-        ) from error
-
-
 def _is_trusted(name: str) -> bool:
     """Tell whether it is a class of emacm or scikit-learn, or a function that only computes."""
     module, _, short = name.replace("numpy.core._multiarray_umath", "numpy").rpartition(".")
     if not _TRUSTED.fullmatch(module):  # NumPy 1 names the module of its functions
         return False
-    try:
-        found: Any = getattr(importlib.import_module(module), short, None)
-    except ImportError:
-        return False
+    found: Any = getattr(importlib.import_module(module), short, None)
     if module == "numpy":
         return isinstance(found, np.ufunc) or found is np.dtype
     if not isinstance(found, type):
@@ -153,13 +143,8 @@ def save_model(
     >>> loaded.predict([[2.0]]).tolist() == model.predict([[2.0]]).tolist()
     True
     """
-    if isinstance(model, type) or not isinstance(model, BaseEstimator):
-        raise TypeError(f"model must be a fitted estimator, got {type(model).__name__}.")
     check_is_fitted(model)
     check_unknown_states(model)
-    file = Path(path)
-    if not file.parent.is_dir():
-        raise FileNotFoundError(f"there is no folder {str(file.parent)!r}.")
     if healthy is not None:
         label_positions([healthy], np.asarray(model.classes_).tolist(), "healthy", "class")
         model.healthy_ = healthy
@@ -178,7 +163,7 @@ def save_model(
             raise
     about = json.dumps(_description(model, note, evidence), default=str).encode()
     body = len(about).to_bytes(8, "little") + about + stored
-    write_whole(file, _START + sha256(body).hexdigest().encode() + b"\n" + body)
+    write_whole(Path(path), _START + sha256(body).hexdigest().encode() + b"\n" + body)
 
 
 def load_model(path: str | os.PathLike[str]) -> Any:
@@ -225,11 +210,16 @@ def load_model(path: str | os.PathLike[str]) -> Any:
     skops = _skops()
     with located(f"model {path}"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # versions are compared below, all at once
-        with _readable():
+        try:
             types = skops.get_untrusted_types(data=stored)
+            is_safe = all(map(_is_trusted, types))
+            model = skops.loads(stored, trusted=types) if is_safe else None
+        except Exception as error:
+            raise ValueError(
+                f"it cannot be read ({type(error).__name__}: {error}). Save the model again, with "
+                f"the versions installed here: {installed_versions()}."
+            ) from error
         _check_types(types)
-        with _readable():
-            model = skops.loads(stored, trusted=types)
         differ = _differences(about["versions"])
         _replay(model, about["check"], differ)
     if differ:
@@ -336,10 +326,9 @@ def _differences(saved: Mapping[str, str]) -> str:
 
 
 def _plain(model: Any, name: str) -> Any:
-    """Return an attribute of the model, or of its last step, as lists; None if it has none."""
-    for part in (model, *(step for _, step in getattr(model, "steps", ())[-1:])):
-        with suppress(AttributeError, ValueError, TypeError):
-            return np.asarray(getattr(part, f"{name}_")).tolist()
+    """Return an attribute of the last step of a model as lists; None if it has none."""
+    with suppress(AttributeError, ValueError, TypeError):
+        return np.asarray(getattr(final_estimator(model), f"{name}_")).tolist()
     return None
 
 

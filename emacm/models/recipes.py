@@ -127,11 +127,6 @@ def actuator_recipe(
     check_choice(phase, "phase", (True, False))
     check_number(revolutions, "revolutions", above=0)
     check_number(max_order, "max_order", at_least=2 / 2.4)
-    if revolutions * max_order > 1000:
-        raise ValueError(
-            f"revolutions = {revolutions:g} and max_order = {max_order:g} make "
-            f"{revolutions * max_order:.0f} bins for each channel, of at most 1000. Lower either."
-        )
     if healthy is not None and not phase:
         raise ValueError(
             f"healthy = {healthy!r} needs phase=True, on which the residual of the 1x component "

@@ -20,6 +20,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._statements import Statement
 from emacm.conditions.router import ConditionRouter
+from emacm.decisions.least_risk import CombinedRiskMixin
 from emacm.decisions.pipelines import (
     before_the_last_step,
     check_unknown_states,
@@ -28,7 +29,7 @@ from emacm.decisions.pipelines import (
     parts_with_input,
     search_estimator,
 )
-from emacm.decisions.risks import CombinedRiskMixin, LeastRiskMixin, risks_of
+from emacm.decisions.risks import LeastRiskMixin, risks_of
 from emacm.explanations.deviations import second_state_statement
 from emacm.explanations.explain import explain_decision
 from emacm.files.folder import FileRecording
@@ -165,8 +166,6 @@ def check_model(model: Any) -> list[Any]:
         If it is not a classifier with `predict_proba`, not fitted, or hides the unknown state of
         a classifier inside.
     """
-    if isinstance(model, type) or not hasattr(model, "fit"):
-        raise TypeError(f"model must be a fitted classifier of recordings, got {model!r}.")
     check_is_fitted(model)
     if not hasattr(model, "predict_proba"):
         raise TypeError(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pandas as pd
-from bad_input import Case, T, V, check_refused, classifier, each, features
+from bad_input import Case, T, V, check_refused, each, features
 
 from emacm import CostSensitiveGaussianBayes
 
@@ -38,16 +38,6 @@ CASES = [
         V,
         "X has columns of the same name: ['a']",
     ),
-    *[
-        Case(
-            f"an unknown state called {label!r}",
-            lambda label=label: classifier(unknown=label),
-            T,
-            "unknown must be a label",
-            repr(label),
-        )
-        for label in (np.nan, ["new"])
-    ],
 ]
 
 

@@ -114,7 +114,7 @@ def test_families_of_one_state_each_are_read_as_the_family_of_each_state():
         (FAMILIES, {"other_decisions": {"inspect": "x"}}, TypeError, "cost of 'inspect'"),
         (FAMILIES, {"missed_cost": 10}, ValueError, "need healthy, one of"),
         (FAMILIES, {"healthy": "normal", "missed_cost": "x"}, TypeError, "must be a number"),
-        (FAMILIES, {"healthy": "normal", "costs": np.eye(3)}, ValueError, "a complete table"),
+        (FAMILIES, {"healthy": "normal", "costs": np.eye(3)}, ValueError, "no complete table"),
     ],
 )
 def test_invalid_families_and_costs_are_refused(families, options, error, message):

@@ -13,7 +13,6 @@ from emacm.decisions.gaussians import (
     class_moments,
     inverse_factor,
     oas_coefficient,
-    population_eigenvalues,
     shrink,
 )
 
@@ -149,21 +148,3 @@ def test_distances_are_in_standard_deviations_of_the_class():
     squares = class_gaussians(moments, "diag").squared_distances(np.array([[4.0, 1.0]]))
     # Class 0: mean (2, 1), variances 16/3 and 4/3; class 1: mean (10.5, 5.5), variances 1/2.
     np.testing.assert_allclose(squares, [[4 / (16 / 3), (6.5**2 + 4.5**2) * 2]])
-
-
-def test_eigenvalues_are_corrected_by_the_inverse_of_their_bias():
-    rng = np.random.default_rng(0)
-    order = rng.permutation(30)
-    values = np.linspace(0.5, 1.5, 30)
-    values[:2] = 40.0, 9.0
-    found = population_eigenvalues(values, 60)
-    assert found.sum() == pytest.approx(values.sum())
-    np.testing.assert_allclose(population_eigenvalues(values[order], 60), found[order])
-    np.testing.assert_allclose(population_eigenvalues(7 * values, 60), 7 * found)
-    assert np.ptp(found[2:]) == 0  # as far apart as noise makes equal ones
-    np.testing.assert_allclose(population_eigenvalues(values, 10**9), values, rtol=1e-3)
-    # Variance 0.15^2 of ten values of which sampling explains 10 / 1000.
-    apart = 1 + 0.15 * np.array([-1, 1] * 5)
-    kept = 1 + (apart - 1) * (1 - 0.01 / 0.15**2)
-    np.testing.assert_allclose(population_eigenvalues(3 * apart, 1000), 3 * kept)
-    assert population_eigenvalues([2, 4], 1).tolist() == [3.0, 3.0]

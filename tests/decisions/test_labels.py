@@ -6,7 +6,7 @@ import pytest
 from sklearn.naive_bayes import GaussianNB
 
 from emacm import CostSensitiveGaussianBayes, LeastRiskClassifier, PosteriorProduct
-from emacm.decisions.truths import label_list
+from emacm.decisions.costs import label_list
 
 X = np.array([[0.0, 2.0], [1.0, 0.5], [2.0, 1.0], [4.0, 3.0], [6.0, 2.5]])
 MISSING = [None, np.nan, pd.NA]

@@ -3,27 +3,9 @@
 import numpy as np
 from scipy.special import logsumexp
 
-from emacm.decisions.risks import pooled_log_posterior
+from emacm.decisions.least_risk import pooled_log_posterior
 
 HALF = [0.5, 0.5]
-
-
-def normal(rng, *shape):
-    logs = rng.normal(size=shape)
-    return logs - logsumexp(logs, axis=-1, keepdims=True)
-
-
-def test_the_product_is_bayes_rule_by_hand():
-    # Two tests of a state of prior 1/4, right in 9 and in 8 of 10 cases: by counting.
-    priors = np.array([0.75, 0.25])
-    first, second = np.array([0.1, 0.9]), np.array([0.2, 0.8])
-    members = [np.log(p * priors / (p @ priors))[np.newaxis] for p in (first, second)]
-    expected = first * second * priors
-    np.testing.assert_allclose(
-        np.exp(pooled_log_posterior(members, [priors, priors], priors)[0]),
-        expected / expected.sum(),
-        rtol=1e-14,
-    )
 
 
 def test_members_with_different_priors_agree_once_their_priors_are_divided_out():

@@ -253,7 +253,7 @@ def test_a_dead_channel_does_not_decide(fleet, dead):
         ({"estimators": [("a", GaussianNB())] * 2}, ValueError, r"must differ.*got \['a', 'a'\]"),
         ({"estimators": [("a__b", GaussianNB())]}, ValueError, "no '__'.*'a__b'"),
         ({"estimators": [("cost", GaussianNB())]}, ValueError, r"none of the parameters .*'cost'"),
-        ({"estimators": [("a", "drop")]}, TypeError, "member 'a': .* a classifier, got 'drop'"),
+        ({"estimators": [("a", "drop")]}, TypeError, "member 'a': Cannot clone .*'drop'"),
         ({"estimators": [("a", RidgeClassifier())]}, TypeError, "'a': Ridge.*no predict_proba"),
         ({"priors": [1.0]}, ValueError, "each of the 4 classes"),
         ({"cost": np.eye(2)}, ValueError, r"square array of shape \(4, 4\)"),

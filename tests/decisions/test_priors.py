@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from emacm.decisions.truths import class_priors
+from emacm.decisions.costs import class_priors
 
 CLASSES, COUNTS = np.array(["dry", "new", "worn"]), np.array([1.0, 6.0, 3.0])
 

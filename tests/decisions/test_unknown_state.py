@@ -6,11 +6,10 @@ import pytest
 from sklearn.base import clone
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
-from emacm.decisions.costs import cost_table
+from emacm.decisions.costs import cost_table, truth_labels, truth_priors
 from emacm.decisions.least_risk import LeastRiskClassifier
 from emacm.decisions.new_units import NewUnitClassifier
 from emacm.decisions.posterior_product import PosteriorProduct
-from emacm.decisions.truths import truth_labels, truth_priors
 
 NAMES = np.array(["worn", "healthy", "dry"])
 PLACES = np.array([[6.0, 0, 0, 1], [0, 0, 0, 0], [0, 5.0, 1, 0]])

@@ -114,7 +114,7 @@ BLANK = "b,c,,,\n" + "1,2,,,\n" * 300  # more rows than are looked at for blank 
         ("b,c\n1,2,5\n3,4\n6,7\n8,9\n", "line 2 has 3 values, but the header has 2 names"),
         ("b,c\n1.5,900\n,\n4,907\n", "nan at sample 1"),
         ("time,b\n0,1\n0.5,2\nMean,3\n", "time column 'time' has 'Mean' at sample 2, not a time"),
-        ("b,c,d\n1,,3\n4,,6\n", "'c' must be finite, got nan at sample 0, and has no value at all"),
+        ("b,c,d\n1,,3\n4,,6\n", "'c' must be finite, got nan at sample 0. Cut the recording"),
     ],
 )
 def test_rows_that_do_not_fit_the_header_are_refused(tmp_path, text, message):

@@ -297,9 +297,9 @@ def test_foreign_types_are_refused_by_name(tmp_path, step, message):
 @pytest.mark.parametrize(
     ("model", "folder", "error", "message"),
     [
-        (clone(BAYES).fit(RNG.normal(size=(24, 3)), STATES), "later", FileNotFoundError, "folder"),
-        (3, "", TypeError, "must be"),
-        (StandardScaler, "", TypeError, "must be"),
+        (clone(BAYES).fit(RNG.normal(size=(24, 3)), STATES), "later", FileNotFoundError, "later"),
+        (3, "", TypeError, "not an estimator instance"),
+        (StandardScaler, "", TypeError, "is a class, not an instance"),
         (clone(BAYES), "", NotFittedError, "not fitted yet"),
         (clone(make_pipeline(StandardScaler(), BAYES)), "", NotFittedError, "not fitted yet"),
     ],
@@ -362,7 +362,7 @@ def test_a_forged_file_with_a_correct_digest_executes_nothing(saved, name):
 
     rewritten(saved, forged)
     EXECUTED.clear()
-    with pytest.raises(TypeError, match=f"{name[0]}.{name[1]}"):
+    with pytest.raises((TypeError, ValueError), match=name[0]):
         load_model(saved)
     assert not EXECUTED
 
