@@ -18,7 +18,6 @@ import pandas as pd
 
 from emacm._checks import check_number, located
 from emacm.files.shaft_references import angle_columns, is_angle, sensitivity_of
-from emacm.files.tables import read_table
 from emacm.recordings.names import chosen_channels, printable, split_unit
 
 
@@ -41,8 +40,6 @@ def read_toml(path: Path) -> dict[str, Any]:
     ValueError
         If it is too large, or not TOML.
     """
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no file {str(path)!r}.")
     largest, longest = 1 << 20, 30_000  # bytes of the file and of a line: deep keys take long
     lines = path.read_bytes().split(b"\n") if path.stat().st_size <= largest else []
     if not lines or max(map(len, lines)) > longest:
@@ -51,6 +48,27 @@ def read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(b"\n".join(lines).decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise ValueError(f"it is not valid TOML: {error}.") from error
+
+
+def read_table(path: str | Path, **options: Any) -> pd.DataFrame:
+    """Return a table with a header; where it has semicolons, they separate, and commas are decimal.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    **options
+        As for `pandas.read_csv`.
+
+    Raises
+    ------
+    ValueError
+        If it is empty, or a row is longer than the header.
+    """
+    with located(printable(Path(path))):
+        header = Path(path).read_text(encoding="utf-8-sig").partition("\n")[0]
+        local: dict[str, Any] = {"sep": ";", "decimal": ","} if ";" in header else {}
+        return pd.read_csv(path, encoding="utf-8-sig", **local, **options)
 
 
 _SECOND = ("file", "column", "fs", "time")  # of the shaft in a second file
