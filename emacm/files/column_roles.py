@@ -75,7 +75,7 @@ def recording_arguments(
     of_second = layout.of_second_file()
     shafts = _shaft_columns(content, layout) if of_second is None else []
     channels = _channel_columns(content, layout, times, shafts)
-    used = [*channels.items(), *((name, name) for name in shafts if name in content.columns)]
+    used = [*channels.items(), *((name, name) for name in shafts)]
     signals = {name: _signal(content, c, f"channel {name!r}") for name, c in channels.items()}
     rates = rates_of_columns(content, layout, times, used)
     _check_starts(content, rates)
@@ -100,8 +100,7 @@ def recording_arguments(
             signals[name] = signals[name] * factor
         if unit:
             units[name] = unit
-        if column in rates:
-            signals[name] = rates[column].resampled(signals[name], name)
+        signals[name] = rates[column].resampled(signals[name], name)
     arguments: dict[str, Any] = {"signals": signals, "fs": fs, "units": units}
     if of_second is None or second is None:
         arguments |= _shaft(content, layout, shafts, rates, highest)
@@ -114,6 +113,9 @@ def recording_arguments(
             delay = _delay((content, layout), (second, of_second))
             longest = max(len(values) / fs[name] for name, values in signals.items())
             arguments |= _aligned(motion, delay, longest)
+    if layout.ratio != 1:
+        kind = "angle" if "angle" in arguments else "velocity"
+        arguments[kind] = arguments[kind] * layout.ratio
     if layout.fs is None and layout.time is not False:
         speed = float(np.max(np.abs(arguments.get("velocity", 0.0)))) / (2 * np.pi)
         for clock in {times, *channels.values()} & {times, *content.times} - {None}:
@@ -304,7 +306,7 @@ def rates_of_columns(
     content: FileColumns,
     layout: Layout,
     times: str | None,
-    names: Iterable[tuple[str | None, str | None]],
+    names: Iterable[tuple[str, str]],
 ) -> dict[str, EvenTimes]:
     """Return sampling rates by column, from layout, file, column of times, or own times.
 
@@ -319,7 +321,7 @@ def rates_of_columns(
         What it states of rates, times and units.
     times : str or None
         Column of times.
-    names : iterable of (str or None, str or None)
+    names : iterable of (str, str)
         Name for the layout, and column. Other columns are not judged.
 
     Returns
@@ -342,7 +344,7 @@ def rates_of_columns(
     found: dict[str, EvenTimes] = {}
     shared: dict[float | None, EvenTimes] = {}
     for name, column in names:
-        if name is None or column not in content.columns:
+        if column not in content.columns:
             continue
         stated = _rate_of_layout(content, layout, name, column)
         known = own.get(column)
@@ -457,18 +459,6 @@ def _agreed_unit(name: str, stated: str, known: str) -> str:
 
 
 def _shaft(
-    content: FileColumns,
-    layout: Layout,
-    columns: Sequence[str],
-    rates: Mapping[str, EvenTimes],
-    fs: float,
-) -> dict[str, Any]:
-    """Return the motion of the shaft of interest in rad or rad/s, and its rate [Hz]."""
-    (kind, values), (_, rate) = _measured_shaft(content, layout, columns, rates, fs).items()
-    return {kind: values if layout.ratio == 1 else values * layout.ratio, "shaft_fs": rate}
-
-
-def _measured_shaft(
     content: FileColumns,
     layout: Layout,
     columns: Sequence[str],

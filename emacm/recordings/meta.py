@@ -221,10 +221,7 @@ def listed_recordings(X: Any) -> list[Any]:
     if not isinstance(X, pd.DataFrame):
         return as_list(X)
     check_unique_columns(X, "X")
-    entries = [row for _, row in X.astype(object).iterrows()]  # integers stay integers
-    if not entries:
-        raise ValueError("X contains no recording; at least one is needed.")
-    return entries
+    return as_list([row for _, row in X.astype(object).iterrows()])  # integers stay integers
 
 
 def _is_array(keys: Any) -> bool:
