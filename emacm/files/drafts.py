@@ -387,7 +387,8 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
             f"# meta = {_as_toml(fields)}  # FILL IN: what the parts of the file names mean"
         )
     else:
-        meta_from_name(path, meta)
+        if not meta_from_name(path, meta):
+            raise ValueError(f"its name does not match the pattern {meta!r} of meta. Correct it.")
         lines.append(f"meta = {_as_toml(meta)}")
     return "\n".join([*lines, "", "[units]", *_units(contents)]) + "\n"
 

@@ -49,6 +49,8 @@ class FileState(NamedTuple):
         FileNotFoundError
             If there is none.
         """
+        if not os.path.exists(path):
+            raise FileNotFoundError(f"there is no file {path!r}.")
         status = os.stat(path)
         return cls(path, status.st_size, status.st_mtime_ns)
 
@@ -275,7 +277,7 @@ def open_recording(
     file = Path(path).absolute()
     with located(printable(file)):
         states = tuple(FileState.of(str(one)) for one in layout.files_of(file))
-        return _opened(layout, states, layout.known_meta(file))
+        return _opened(layout, states, layout.meta_of(file))
 
 
 def _opened(

@@ -292,7 +292,7 @@ class Layout:
         if not self._second:
             return [first]
         pattern = getattr(self, self._second)["file"]
-        known = {"stem": first.stem} | self.known_meta(path)
+        known = {"stem": first.stem} | self.meta_of(path)
         try:
             return [first, first.parent / pattern.format_map(known)]
         except (KeyError, IndexError, ValueError, AttributeError) as error:
@@ -302,12 +302,12 @@ class Layout:
             ) from error
 
     def meta_of(self, path: str | os.PathLike[str]) -> dict[Any, Any]:
-        """Return the meta of a file.
+        """Return the meta of a file; empty if its name does not match, or is not in the table.
+
+        Who needs a label that is missing refuses it: `find_faults` needs none.
 
         Raises
         ------
-        MissingMetaError
-            If the name does not match the pattern, or is not in the table.
         ValueError
             If the name matches the pattern in several ways.
         """
@@ -320,23 +320,7 @@ class Layout:
         for key in (key for name in names for key in (name, name.removesuffix(file.suffix))):
             if key in self.meta:
                 return dict(self.meta[key])
-        raise MissingMetaError(
-            f"the table of meta has no row for the file {file.name!r}. Add one, or leave it out."
-        )
-
-    def known_meta(self, path: str | os.PathLike[str]) -> dict[Any, Any]:
-        """Return the meta of a file; empty if its name or the table states none.
-
-        Who needs a label that is missing refuses it: `find_faults` needs none.
-        """
-        try:
-            return self.meta_of(path)
-        except MissingMetaError:
-            return {}
-
-
-class MissingMetaError(ValueError):
-    """The name of a file does not match the pattern of meta, or the table has no row for it."""
+        return {}
 
 
 def _is_name(value: Any) -> bool:
@@ -453,11 +437,10 @@ def meta_from_name(path: PurePath, pattern: str) -> dict[str, Any]:
     Returns
     -------
     dict of str to object
+        Empty if the name does not match.
 
     Raises
     ------
-    MissingMetaError
-        If the name does not match.
     ValueError
         If it matches in several ways.
 
@@ -475,12 +458,8 @@ def meta_from_name(path: PurePath, pattern: str) -> dict[str, Any]:
         # A new file has no state in its name, but its unit: "A7_03" of "{unit}_{state}_{run:d}".
         label = r"\{(?:state|label|class|condition|fault|zustand)\}"
         rest = re.sub(rf"[-_ ]?{label}(?=\.|$)|{label}[-_ /]?", "", pattern, count=1)
-        if rest != pattern and re.search(r"\{.*\}", rest):
-            with suppress(ValueError):
-                return meta_from_name(path, rest)
-        raise MissingMetaError(
-            f"the file name {name!r} does not match the pattern {pattern!r} of meta. Rename it."
-        )
+        has_fields = rest != pattern and re.search(r"\{.*\}", rest) is not None
+        return meta_from_name(path, rest) if has_fields else {}
     if longest.groups() != shortest.groups():
         raise ValueError(
             f"the file name {name!r} matches the pattern {pattern!r} of meta in several ways: "
