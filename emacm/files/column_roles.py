@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from emacm._checks import check_signal, located
 from emacm._statements import warn
-from emacm.files.even_times import EvenTimes, even_times
 from emacm.files.file_columns import (
     FileColumns,
     is_rate_name,
@@ -23,7 +22,7 @@ from emacm.files.file_columns import (
     without_signal,
 )
 from emacm.files.layout import Layout, constant_speed
-from emacm.files.sample_times import dates_of, seconds_of, unit_that_fits
+from emacm.files.sample_times import EvenTimes, dates_of, even_times, seconds_of, unit_that_fits
 from emacm.files.shaft_references import (
     angle_columns,
     angle_form,
@@ -261,12 +260,10 @@ def _shaft_columns(content: FileColumns, layout: Layout) -> list[str]:
     columns = [*angle_columns(layout.angle), *filter(None, [layout.tacho_column])]
     if columns:
         return [content.find(column) for column in columns]
-    similar = content.like_shaft()
-    hint = f"; {similar[0]!r} looks like one" if similar else ""
-    example = similar[0] if similar else "speed"
+    example = next(iter(content.like_shaft()), "speed")
     unit = unit_in_name(example) or "rpm"
     raise ValueError(
-        f"the layout names no shaft reference{hint}. Set velocity = '{example} [{unit}]', or a "
+        f"the layout names no shaft reference. Set velocity = '{example} [{unit}]', or a "
         f"constant speed such as '1500 rpm', or angle, or tacho; its columns are "
         f"{list(content.columns)}."
     )

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 
 from emacm._checks import first_non_number
 from emacm.files.column_roles import rates_of_columns
-from emacm.files.even_times import EvenTimes
 from emacm.files.file_columns import FileColumns, no_channel, without_signal
 from emacm.files.layout import Layout, meta_from_name
 from emacm.files.readers import read_columns
-from emacm.files.sample_times import dates_of, unit_that_fits
+from emacm.files.sample_times import EvenTimes, dates_of, unit_that_fits
 from emacm.recordings.names import (
     is_time_name,
     printable,
@@ -177,17 +176,14 @@ def contents_of(path: Path) -> FileContents:
         remarks.append(f"the unit of {clock!r}: these look like {unit_word(time_unit)}, not s")
     layout = Layout(units={clock: time_unit} if time_unit else None)
     rates: dict[str, EvenTimes] = {}
-    shared = [name for name in columns.columns if name not in columns.times]
-    for judged in (shared, *([name] for name in columns.times)):
-        pairs = [(name, name) for name in judged]
+    for name in columns.columns:
         try:
-            rates |= rates_of_columns(columns, layout, times, pairs)
+            rates |= rates_of_columns(columns, layout, times, [(name, name)])
         except ValueError as error:
-            if judged is shared:
+            if name in columns.times:
+                columns.defects[name] = f"cannot be used: {error}"
+            elif str(error) not in remarks:
                 remarks.append(str(error))
-                rates |= rates_of_columns(columns, layout, None, pairs)
-            else:
-                columns.defects[judged[0]] = f"cannot be used: {error}"
     shafts = columns.like_shaft()
     by_name = {name: even.rate for name, even in rates.items()}
     shaft = next(iter(shafts), None)

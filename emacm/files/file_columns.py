@@ -13,8 +13,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm._statements import Statement
-from emacm.files.even_times import Times
 from emacm.files.layout import constant_speed
+from emacm.files.sample_times import Times
 from emacm.recordings.names import is_shaft_name, is_time_name, split_unit
 
 _RATES = {"fs", "sfreq", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency"}

@@ -86,7 +86,7 @@ def test_an_angle_may_be_wrapped_and_in_any_unit(tmp_path, unit, period, wrapped
 @pytest.mark.parametrize(
     ("options", "columns", "message"),
     [
-        ({}, {"rpm": ANGLE}, r"; 'rpm' looks like one\. Set velocity = 'rpm \[rpm\]'"),
+        ({}, {"rpm": ANGLE}, r"no shaft reference\. Set velocity = 'rpm \[rpm\]'"),
         ({}, {"c": ANGLE}, r"no shaft reference\. Set velocity = 'speed \[rpm\]'"),
         ({"velocity": 3}, {"rpm": ANGLE}, r"column 'rpm' is named like .*channels = \['b'"),
         ({"velocity": "rpm"}, {"rpm": ANGLE}, r"the unit of 'rpm' is not stated"),
