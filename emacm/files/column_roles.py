@@ -300,10 +300,7 @@ def _channel_columns(
 
 
 def rates_of_columns(
-    content: FileColumns,
-    layout: Layout,
-    times: str | None,
-    names: Iterable[tuple[str, str]],
+    content: FileColumns, layout: Layout, times: str | None, names: Iterable[tuple[str, str]]
 ) -> dict[str, EvenTimes]:
     """Return sampling rates by column, from layout, file, column of times, or own times.
 
@@ -386,7 +383,7 @@ def _rate_of_times(content: FileColumns, layout: Layout, clock: str, fs: float |
     seconds, resolution = seconds_of(values, stated or "s", clock)
     if fs is None:
         _check_unit_of_times(content, layout, clock)
-    return even_times(seconds, clock, fs, resolution=resolution, resample=layout.resample)
+    return even_times(seconds, resolution, clock, fs, resample=layout.resample)
 
 
 def _stated_rates(content: FileColumns) -> tuple[dict[str, float], dict[str, float]]:

@@ -312,13 +312,11 @@ class Layout:
             If the name matches the pattern in several ways.
         """
         file = PurePath(printable(path))
-        if self.meta is None:
-            return {}
         if isinstance(self.meta, str):
             return meta_from_name(file, self.meta)
         names = ["/".join(file.parts[first:]) for first in range(len(file.parts))]
         for key in (key for name in names for key in (name, name.removesuffix(file.suffix))):
-            if key in self.meta:
+            if key in (self.meta or {}):
                 return dict(self.meta[key])
         return {}
 
@@ -396,8 +394,7 @@ def _checked_meta(meta: Any) -> Any:
         if not table.index.is_unique:
             double = table.index[table.index.duplicated()][0]
             raise ValueError(f"the table of meta has several rows for {double!r}; one is needed.")
-        rows = table.astype(object).to_dict("index")
-        return {str(name): row for name, row in rows.items()}
+        meta = table.astype(object).to_dict("index")
     if isinstance(meta, str):
         _compiled_pattern(meta)
     if meta is None or isinstance(meta, str):

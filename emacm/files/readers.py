@@ -52,10 +52,9 @@ def read_columns(path: Path) -> FileColumns:
         raise ValueError(
             f"files of type {path.suffix!r} are not read; known are {sorted(READERS)}. Convert it."
         )
-    size = path.stat().st_size
     if not path.is_file():
         raise ValueError("it is not a file, but a folder or a device. Name a file.")
-    if not size:
+    if not path.stat().st_size:
         raise ValueError("the file is empty (0 bytes). Record it again, or leave it out.")
     content = FileColumns()
     try:

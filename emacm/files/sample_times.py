@@ -219,13 +219,7 @@ class EvenTimes(NamedTuple):
 
 
 def even_times(
-    seconds: Times,
-    name: str,
-    fs: float | None = None,
-    *,
-    resolution: float = 0.0,
-    resample: bool = False,
-    most_jitter: float = 0.1,
+    seconds: Times, resolution: float, name: str, fs: float | None = None, *, resample: bool = False
 ) -> EvenTimes:
     """Return the sampling rate of times, if they are even.
 
@@ -233,17 +227,14 @@ def even_times(
     ----------
     seconds : ndarray of shape (n_times,)
         Times, from 0 [s].
+    resolution : float
+        To what the times are rounded by the type of their numbers [s]. Decimals are found.
     name : str
         Name of the column, for messages.
     fs : float, optional
         Rate [Hz] that they must have.
-    resolution : float
-        To what the times are rounded by the type of their numbers [s]. Decimals are found.
     resample : bool
         Whether samples may be resampled, so that jitter and single missing samples are allowed.
-    most_jitter : float
-        Largest root mean square of jitter in sampling intervals. The error of a sine at a
-        quarter of the rate is π/2 times as large, here 16 %.
 
     Returns
     -------
@@ -254,9 +245,10 @@ def even_times(
     ------
     ValueError
         If times do not increase, have gaps (intervals near multiples of the usual one, however
-        regular), are shared by several samples, jitter by more than `most_jitter`, contradict
-        `fs`, or are rounded so much that they leave over 1 % of the rate open; the message names
-        the sample.
+        regular), are shared by several samples, jitter by more than a tenth of a sampling interval
+        (root mean square; the error of a sine at a quarter of the rate is π/2 times as large),
+        contradict `fs`, or are rounded so much that they leave over 1 % of the rate open; the
+        message names the sample.
 
     Warns
     -----
@@ -266,7 +258,7 @@ def even_times(
 
     Examples
     --------
-    >>> even_times(np.round(np.arange(12_000) / 12_000, 6), "time").rate
+    >>> even_times(np.round(np.arange(12_000) / 12_000, 6), 0.0, "time").rate
     12000.0
     """
     steps = np.diff(seconds)
@@ -304,7 +296,7 @@ def even_times(
         filled = float(f"{np.rint(steps / usual).sum() / seconds[-1]:.4g}")
         if not fs or abs(fs / filled - 1) < 0.05:  # lower rates would need a filter
             return EvenTimes(fs or filled, seconds)
-    is_even = is_rounded or not (long.any() or equal.any() or jitter > most_jitter)
+    is_even = is_rounded or not (long.any() or equal.any() or jitter > 0.1)
     if not is_even or fs not in (None, rate):
         marked = equal if equal.any() else long if long.any() else np.abs(steps - usual)
         place = int(np.argmax(marked))
