@@ -471,8 +471,6 @@ def _shaft(
         evens = [_known_rate(rates, name, name) for name in columns]
         signals = [_signal(content, name, f"the shaft column {name!r}") for name in columns]
         sampled = [one.resampled(signal) for one, signal in zip(evens, signals, strict=True)]
-        if len({one.rate for one in evens}) > 1:
-            raise ValueError(f"the columns {list(columns)} of the angle have several rates.")
         angle, content.statements = stated_angle_of(form, sampled, evens[0].rate)
         return {"angle": angle, "shaft_fs": evens[0].rate}
     values: Any = content.numbers.get(column)

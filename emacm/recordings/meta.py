@@ -262,12 +262,10 @@ def meta_value(entry: Any, index: int, key: Any, role: str) -> Any:
             f"{type(entry).__name__} without meta. Pass recordings with meta={{{key!r}: ...}}."
         )
     if key not in facts:
-        remedy = "Set it when the recording is made, or leave the recording out."
-        if role.startswith("--"):  # an option of a command
-            remedy = f"Correct {role}, or meta in the layout."
         raise ValueError(
             f"{described(entry, index)} has no {kind} {key!r}; it has "
-            f"{', '.join(map(repr, facts.keys())) or 'none'}. {remedy}"
+            f"{', '.join(map(repr, facts.keys())) or 'none'}. Correct {role}, or state it in the "
+            f"meta of the recording or of its layout."
         )
     return _checked(facts[key], entry, index, f"its {kind} {key!r} is")
 
