@@ -192,10 +192,7 @@ def received(value: Any) -> str:
         return f"{str(value)!r}. Files are not opened here: use open_recording(path, layout)."
     if value is None or isinstance(value, bool | int | float):
         return f"{value!r}."
-    name = type(value).__name__
-    if name == "DataFrame" and not isinstance(value, pd.DataFrame):
-        name = f"{type(value).__module__.partition('.')[0]} {name}, which is not a pandas one"
-    return f"a {name}.{once_hint(value)}"
+    return f"a {type(value).__name__}.{once_hint(value)}"
 
 
 class RecordingTransformer(  # type: ignore[call-arg]

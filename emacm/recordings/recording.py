@@ -455,11 +455,7 @@ class Arrays(UserDict[str, Any]):
 
     def __getitem__(self, name: str) -> NDArray[np.floating]:
         series = self.data[name]
-        if isinstance(series, np.ndarray):
-            return series
-        whole = series[:]
-        whole.flags.writeable = False
-        return whole
+        return series if isinstance(series, np.ndarray) else immutable(series[:])
 
 
 class ComputedSeries(LazySeries):
