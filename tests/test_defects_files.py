@@ -330,6 +330,9 @@ def test_an_integer_wav_file_needs_a_scale_for_its_unit(tmp_path, dtype, capsys)
     path, units = write_wav(tmp_path / "a.wav", TONE / 4, dtype), {"x0": "g"}
     with pytest.warns(EmacmWarning, match="full scale of this WAV file is taken as 1 g.*scale"):
         assert opened(path, units=units).duration == 6
+    with pytest.warns(EmacmWarning, match="full scale of this WAV file is taken as 1 V"):
+        found = opened(path, units={"x0": "V"}, scale="10 mV/g").signals["x0"]
+    np.testing.assert_allclose(found, 25 * TONE, atol=0.01)
     for scale in (4, {"x0": 4.0}):
         recording = opened(path, units=units, scale=scale)
         np.testing.assert_allclose(recording.signals["x0"], TONE, atol=3e-4)
