@@ -18,8 +18,7 @@ from emacm.conditions.router import ConditionRouter
 from emacm.decisions.costs import cost_table, truth_priors
 from emacm.decisions.pipelines import final_estimator
 from emacm.files.folder import RecordingFolder
-from emacm.files.layout import Layout
-from emacm.files.tables import read_table
+from emacm.files.layout import Layout, read_table
 from emacm.models.baselines import add_baseline
 from emacm.models.model_files import load_model
 from emacm.models.scoring import check_model

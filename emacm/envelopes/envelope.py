@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from emacm._checks import check_choice, check_number
 from emacm._statements import warn
 from emacm.envelopes.prewhitening import WhitenedBand, WhitenedSeries
-from emacm.recordings.series import ComputedSeries
+from emacm.recordings.recording import ComputedSeries
 from emacm.shaft.motion import BLOCK, Series, mirrored
 
 Band = tuple[float, float]

@@ -12,8 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm.recordings.inputs import RecordingTransformer, as_recordings, for_each
 from emacm.recordings.names import check_channel_names, chosen_channels
-from emacm.recordings.recording import Recording
-from emacm.recordings.series import ComputedSeries
+from emacm.recordings.recording import ComputedSeries, Recording
 from emacm.shaft.motion import Series, mirrored
 
 

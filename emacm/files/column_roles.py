@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from emacm._checks import check_signal, located
 from emacm._statements import warn
-from emacm.files.even_times import EvenTimes, even_times
 from emacm.files.file_columns import (
     FileColumns,
     is_rate_name,
@@ -23,7 +22,7 @@ from emacm.files.file_columns import (
     without_signal,
 )
 from emacm.files.layout import Layout, constant_speed
-from emacm.files.sample_times import dates_of, seconds_of, unit_that_fits
+from emacm.files.sample_times import EvenTimes, dates_of, even_times, seconds_of, unit_that_fits
 from emacm.files.shaft_references import (
     angle_columns,
     angle_form,
@@ -75,7 +74,7 @@ def recording_arguments(
     of_second = layout.of_second_file()
     shafts = _shaft_columns(content, layout) if of_second is None else []
     channels = _channel_columns(content, layout, times, shafts)
-    used = [*channels.items(), *((name, name) for name in shafts if name in content.columns)]
+    used = [*channels.items(), *((name, name) for name in shafts)]
     signals = {name: _signal(content, c, f"channel {name!r}") for name, c in channels.items()}
     rates = rates_of_columns(content, layout, times, used)
     _check_starts(content, rates)
@@ -100,8 +99,7 @@ def recording_arguments(
             signals[name] = signals[name] * factor
         if unit:
             units[name] = unit
-        if column in rates:
-            signals[name] = rates[column].resampled(signals[name], name)
+        signals[name] = rates[column].resampled(signals[name], name)
     arguments: dict[str, Any] = {"signals": signals, "fs": fs, "units": units}
     if of_second is None or second is None:
         arguments |= _shaft(content, layout, shafts, rates, highest)
@@ -114,6 +112,9 @@ def recording_arguments(
             delay = _delay((content, layout), (second, of_second))
             longest = max(len(values) / fs[name] for name, values in signals.items())
             arguments |= _aligned(motion, delay, longest)
+    if layout.ratio != 1:
+        kind = "angle" if "angle" in arguments else "velocity"
+        arguments[kind] = arguments[kind] * layout.ratio
     if layout.fs is None and layout.time is not False:
         speed = float(np.max(np.abs(arguments.get("velocity", 0.0)))) / (2 * np.pi)
         for clock in {times, *channels.values()} & {times, *content.times} - {None}:
@@ -259,12 +260,10 @@ def _shaft_columns(content: FileColumns, layout: Layout) -> list[str]:
     columns = [*angle_columns(layout.angle), *filter(None, [layout.tacho_column])]
     if columns:
         return [content.find(column) for column in columns]
-    similar = content.like_shaft()
-    hint = f"; {similar[0]!r} looks like one" if similar else ""
-    example = similar[0] if similar else "speed"
+    example = next(iter(content.like_shaft()), "speed")
     unit = unit_in_name(example) or "rpm"
     raise ValueError(
-        f"the layout names no shaft reference{hint}. Set velocity = '{example} [{unit}]', or a "
+        f"the layout names no shaft reference. Set velocity = '{example} [{unit}]', or a "
         f"constant speed such as '1500 rpm', or angle, or tacho; its columns are "
         f"{list(content.columns)}."
     )
@@ -301,10 +300,7 @@ def _channel_columns(
 
 
 def rates_of_columns(
-    content: FileColumns,
-    layout: Layout,
-    times: str | None,
-    names: Iterable[tuple[str | None, str | None]],
+    content: FileColumns, layout: Layout, times: str | None, names: Iterable[tuple[str, str]]
 ) -> dict[str, EvenTimes]:
     """Return sampling rates by column, from layout, file, column of times, or own times.
 
@@ -319,7 +315,7 @@ def rates_of_columns(
         What it states of rates, times and units.
     times : str or None
         Column of times.
-    names : iterable of (str or None, str or None)
+    names : iterable of (str, str)
         Name for the layout, and column. Other columns are not judged.
 
     Returns
@@ -342,7 +338,7 @@ def rates_of_columns(
     found: dict[str, EvenTimes] = {}
     shared: dict[float | None, EvenTimes] = {}
     for name, column in names:
-        if name is None or column not in content.columns:
+        if column not in content.columns:
             continue
         stated = _rate_of_layout(content, layout, name, column)
         known = own.get(column)
@@ -387,7 +383,7 @@ def _rate_of_times(content: FileColumns, layout: Layout, clock: str, fs: float |
     seconds, resolution = seconds_of(values, stated or "s", clock)
     if fs is None:
         _check_unit_of_times(content, layout, clock)
-    return even_times(seconds, clock, fs, resolution=resolution, resample=layout.resample)
+    return even_times(seconds, resolution, clock, fs, resample=layout.resample)
 
 
 def _stated_rates(content: FileColumns) -> tuple[dict[str, float], dict[str, float]]:
@@ -463,18 +459,6 @@ def _shaft(
     rates: Mapping[str, EvenTimes],
     fs: float,
 ) -> dict[str, Any]:
-    """Return the motion of the shaft of interest in rad or rad/s, and its rate [Hz]."""
-    (kind, values), (_, rate) = _measured_shaft(content, layout, columns, rates, fs).items()
-    return {kind: values if layout.ratio == 1 else values * layout.ratio, "shaft_fs": rate}
-
-
-def _measured_shaft(
-    content: FileColumns,
-    layout: Layout,
-    columns: Sequence[str],
-    rates: Mapping[str, EvenTimes],
-    fs: float,
-) -> dict[str, Any]:
     """Return the motion of the measured shaft, and its rate [Hz]; `fs` of a constant speed."""
     if not columns:
         speed, unit = layout.velocity, layout.unit_of("velocity", "speed") or "rad/s"
@@ -487,8 +471,6 @@ def _measured_shaft(
         evens = [_known_rate(rates, name, name) for name in columns]
         signals = [_signal(content, name, f"the shaft column {name!r}") for name in columns]
         sampled = [one.resampled(signal) for one, signal in zip(evens, signals, strict=True)]
-        if len({one.rate for one in evens}) > 1:
-            raise ValueError(f"the columns {list(columns)} of the angle have several rates.")
         angle, content.statements = stated_angle_of(form, sampled, evens[0].rate)
         return {"angle": angle, "shaft_fs": evens[0].rate}
     values: Any = content.numbers.get(column)

@@ -57,11 +57,9 @@ def read_csv(path: Path, content: FileColumns) -> None:
         If it has no rows of numbers, or no header that belongs to them.
     """
     stored = _in_utf8(path.read_bytes())
-    *head, rest = stored.split(b"\n", 200)
-    if len(rest) > 100_000 and len(head) < 200:  # a line that is too long
-        head.append(rest)
-    table = text_table([line.decode(errors="replace") for line in head])
     rows, line_end, last = stored.rpartition(b"\n")
+    head = (rows or last).split(b"\n", 200)[:200]
+    table = text_table([line.decode(errors="replace") for line in head])
     if last.strip():
         warn(
             "incomplete row",

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 
 from emacm._checks import first_non_number
 from emacm.files.column_roles import rates_of_columns
-from emacm.files.even_times import EvenTimes
 from emacm.files.file_columns import FileColumns, no_channel, without_signal
 from emacm.files.layout import Layout, meta_from_name
 from emacm.files.readers import read_columns
-from emacm.files.sample_times import dates_of, unit_that_fits
+from emacm.files.sample_times import EvenTimes, dates_of, unit_that_fits
 from emacm.recordings.names import (
     is_time_name,
     printable,
@@ -134,15 +133,10 @@ class FileContents:
         return [name for name in self.columns.columns if name not in others]
 
     @property
-    def missing_rates(self) -> dict[str, float]:
-        """Proposed rates of the columns without one, for which all columns last equally long."""
-        columns = self.columns.columns.items()
+    def without_rate(self) -> list[str]:
+        """Channels and column of the shaft of which the sampling rate is not known."""
         used = {*self.channels, self.shaft}
-        lengths = {name: len(values) for name, values in columns if name in used}
-        known = [n / self.rates[name] for name, n in lengths.items() if name in self.rates]
-        duration = known[0] if known else max(lengths.values(), default=0) / 12_000
-        missing = {name: n for name, n in lengths.items() if name not in self.rates}
-        return {name: float(f"{n / duration:.6g}") for name, n in missing.items()}
+        return [name for name in self.columns.columns if name in used - self.rates.keys()]
 
     @property
     def numbers(self) -> dict[str, NDArray[Any]]:
@@ -182,17 +176,14 @@ def contents_of(path: Path) -> FileContents:
         remarks.append(f"the unit of {clock!r}: these look like {unit_word(time_unit)}, not s")
     layout = Layout(units={clock: time_unit} if time_unit else None)
     rates: dict[str, EvenTimes] = {}
-    shared = [name for name in columns.columns if name not in columns.times]
-    for judged in (shared, *([name] for name in columns.times)):
-        pairs = [(name, name) for name in judged]
+    for name in columns.columns:
         try:
-            rates |= rates_of_columns(columns, layout, times, pairs)
+            rates |= rates_of_columns(columns, layout, times, [(name, name)])
         except ValueError as error:
-            if judged is shared:
+            if name in columns.times:
+                columns.defects[name] = f"cannot be used: {error}"
+            elif str(error) not in remarks:
                 remarks.append(str(error))
-                rates |= rates_of_columns(columns, layout, None, pairs)
-            else:
-                columns.defects[judged[0]] = f"cannot be used: {error}"
     shafts = columns.like_shaft()
     by_name = {name: even.rate for name, even in rates.items()}
     shaft = next(iter(shafts), None)
@@ -211,8 +202,8 @@ def contents_of(path: Path) -> FileContents:
     contents.unused |= {name: f"it {reason}" for name, reason in reasons.items() if reason}
     contents.unused |= dict.fromkeys(contents.resolver, "it is named like an output of a resolver")
     contents.unused |= dict.fromkeys(shafts[1:], "it is named like the motion of a shaft")
-    if contents.missing_rates:
-        names = ", ".join(contents.missing_rates)
+    if contents.without_rate:
+        names = ", ".join(contents.without_rate)
         remarks.append(f"fs of {names}: neither the file nor a column of times states it")
     return contents
 
@@ -357,11 +348,9 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
         lines.append(f"time = {_as_toml(contents.times)}")
     if contents.rates:
         lines.append(f"# fs: {_rates(contents)} Hz, found in the file")
-    if missing := contents.missing_rates:
-        by_name = ", ".join(f"{_as_toml(name)} = {rate:.9g}" for name, rate in missing.items())
-        is_one = not contents.rates and len(set(missing.values())) == 1
-        rates = f"{max(missing.values()):.9g}" if is_one else f"{{{by_name}}}"
-        lines.append(f"# fs = {rates}  # FILL IN: sampling rate [Hz]")
+    if contents.without_rate:
+        rates = ", ".join(f"{_as_toml(name)} = 12000" for name in contents.without_rate)
+        lines.append(f"# fs = {{{rates}}}  # FILL IN: sampling rates [Hz]")
     lines.append(f"channels = [{', '.join(map(_as_toml, contents.channels))}]")
     lines += [f"# {_as_toml(name)} is not used: {why}" for name, why in contents.unused.items()]
     if contents.columns.is_relative:
@@ -394,7 +383,8 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
             f"# meta = {_as_toml(fields)}  # FILL IN: what the parts of the file names mean"
         )
     else:
-        meta_from_name(path, meta)
+        if not meta_from_name(path, meta):
+            raise ValueError(f"its name does not match the pattern {meta!r} of meta. Correct it.")
         lines.append(f"meta = {_as_toml(meta)}")
     return "\n".join([*lines, "", "[units]", *_units(contents)]) + "\n"
 
@@ -406,12 +396,10 @@ def _units(contents: FileContents) -> Iterator[str]:
         line = f"# {_as_toml(contents.times or 'time')} = {_as_toml(contents.time_unit)}"
         yield f"{line}  # FILL IN: its unit; it looks like this, not s"
     if shaft is not None and contents.shaft_unit:
-        source = "" if stated.get(shaft) == contents.shaft_unit else "  # from its name"
-        yield f"{_as_toml(shaft)} = {_as_toml(contents.shaft_unit)}{source}"
-    elif shaft is not None and contents.kind not in ("tacho", "position"):
+        yield f"{_as_toml(shaft)} = {_as_toml(contents.shaft_unit)}"
+    elif shaft is not None and contents.kind in ("velocity", "angle"):
         usual = "rpm" if contents.kind == "velocity" else "rad"
-        others = "" if contents.kind == "velocity" else ", as deg, or rev/4096 of counts"
-        yield f"# {_as_toml(shaft)} = {_as_toml(usual)}  # FILL IN: its unit{others}"
+        yield f"# {_as_toml(shaft)} = {_as_toml(usual)}  # FILL IN: its unit"
     for name in contents.channels:
         if stated.get(name):
             yield f"{_as_toml(name)} = {_as_toml(stated[name])}"

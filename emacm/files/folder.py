@@ -49,10 +49,9 @@ class FileState(NamedTuple):
         FileNotFoundError
             If there is none.
         """
-        try:
-            status = os.stat(path)
-        except FileNotFoundError as error:
-            raise FileNotFoundError(f"there is no file {path!r}.") from error
+        if not os.path.exists(path):
+            raise FileNotFoundError(f"there is no file {path!r}.")
+        status = os.stat(path)
         return cls(path, status.st_size, status.st_mtime_ns)
 
     def check(self) -> None:
@@ -277,14 +276,8 @@ def open_recording(
         layout = replace(layout, resample=True)
     file = Path(path).absolute()
     with located(printable(file)):
-        _, *others = layout.files_of(file)
-        for second in others:
-            if not second.is_file():
-                raise FileNotFoundError(
-                    f"{printable(file)}: there is no second file {printable(second)}."
-                )
-        states = tuple(FileState.of(str(one)) for one in (file, *others))
-        return _opened(layout, states, layout.known_meta(file))
+        states = tuple(FileState.of(str(one)) for one in layout.files_of(file))
+        return _opened(layout, states, layout.meta_of(file))
 
 
 def _opened(

@@ -18,7 +18,6 @@ import pandas as pd
 
 from emacm._checks import check_number, located
 from emacm.files.shaft_references import angle_columns, is_angle, sensitivity_of
-from emacm.files.tables import read_table
 from emacm.recordings.names import chosen_channels, printable, split_unit
 
 
@@ -41,8 +40,6 @@ def read_toml(path: Path) -> dict[str, Any]:
     ValueError
         If it is too large, or not TOML.
     """
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no file {str(path)!r}.")
     largest, longest = 1 << 20, 30_000  # bytes of the file and of a line: deep keys take long
     lines = path.read_bytes().split(b"\n") if path.stat().st_size <= largest else []
     if not lines or max(map(len, lines)) > longest:
@@ -51,6 +48,27 @@ def read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(b"\n".join(lines).decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise ValueError(f"it is not valid TOML: {error}.") from error
+
+
+def read_table(path: str | Path, **options: Any) -> pd.DataFrame:
+    """Return a table with a header; where it has semicolons, they separate, and commas are decimal.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    **options
+        As for `pandas.read_csv`.
+
+    Raises
+    ------
+    ValueError
+        If it is empty, or a row is longer than the header.
+    """
+    with located(printable(Path(path))):
+        header = Path(path).read_text(encoding="utf-8-sig").partition("\n")[0]
+        local: dict[str, Any] = {"sep": ";", "decimal": ","} if ";" in header else {}
+        return pd.read_csv(path, encoding="utf-8-sig", **local, **options)
 
 
 _SECOND = ("file", "column", "fs", "time")  # of the shaft in a second file
@@ -274,7 +292,7 @@ class Layout:
         if not self._second:
             return [first]
         pattern = getattr(self, self._second)["file"]
-        known = {"stem": first.stem} | self.known_meta(path)
+        known = {"stem": first.stem} | self.meta_of(path)
         try:
             return [first, first.parent / pattern.format_map(known)]
         except (KeyError, IndexError, ValueError, AttributeError) as error:
@@ -284,41 +302,23 @@ class Layout:
             ) from error
 
     def meta_of(self, path: str | os.PathLike[str]) -> dict[Any, Any]:
-        """Return the meta of a file.
+        """Return the meta of a file; empty if its name does not match, or is not in the table.
+
+        Who needs a label that is missing refuses it: `find_faults` needs none.
 
         Raises
         ------
-        MissingMetaError
-            If the name does not match the pattern, or is not in the table.
         ValueError
             If the name matches the pattern in several ways.
         """
         file = PurePath(printable(path))
-        if self.meta is None:
-            return {}
         if isinstance(self.meta, str):
             return meta_from_name(file, self.meta)
         names = ["/".join(file.parts[first:]) for first in range(len(file.parts))]
         for key in (key for name in names for key in (name, name.removesuffix(file.suffix))):
-            if key in self.meta:
+            if key in (self.meta or {}):
                 return dict(self.meta[key])
-        raise MissingMetaError(
-            f"the table of meta has no row for the file {file.name!r}. Add one, or leave it out."
-        )
-
-    def known_meta(self, path: str | os.PathLike[str]) -> dict[Any, Any]:
-        """Return the meta of a file; empty if its name or the table states none.
-
-        Who needs a label that is missing refuses it: `find_faults` needs none.
-        """
-        try:
-            return self.meta_of(path)
-        except MissingMetaError:
-            return {}
-
-
-class MissingMetaError(ValueError):
-    """The name of a file does not match the pattern of meta, or the table has no row for it."""
+        return {}
 
 
 def _is_name(value: Any) -> bool:
@@ -394,8 +394,7 @@ def _checked_meta(meta: Any) -> Any:
         if not table.index.is_unique:
             double = table.index[table.index.duplicated()][0]
             raise ValueError(f"the table of meta has several rows for {double!r}; one is needed.")
-        rows = table.astype(object).to_dict("index")
-        return {str(name): row for name, row in rows.items()}
+        meta = table.astype(object).to_dict("index")
     if isinstance(meta, str):
         _compiled_pattern(meta)
     if meta is None or isinstance(meta, str):
@@ -435,11 +434,10 @@ def meta_from_name(path: PurePath, pattern: str) -> dict[str, Any]:
     Returns
     -------
     dict of str to object
+        Empty if the name does not match.
 
     Raises
     ------
-    MissingMetaError
-        If the name does not match.
     ValueError
         If it matches in several ways.
 
@@ -457,12 +455,8 @@ def meta_from_name(path: PurePath, pattern: str) -> dict[str, Any]:
         # A new file has no state in its name, but its unit: "A7_03" of "{unit}_{state}_{run:d}".
         label = r"\{(?:state|label|class|condition|fault|zustand)\}"
         rest = re.sub(rf"[-_ ]?{label}(?=\.|$)|{label}[-_ /]?", "", pattern, count=1)
-        if rest != pattern and re.search(r"\{.*\}", rest):
-            with suppress(ValueError):
-                return meta_from_name(path, rest)
-        raise MissingMetaError(
-            f"the file name {name!r} does not match the pattern {pattern!r} of meta. Rename it."
-        )
+        has_fields = rest != pattern and re.search(r"\{.*\}", rest) is not None
+        return meta_from_name(path, rest) if has_fields else {}
     if longest.groups() != shortest.groups():
         raise ValueError(
             f"the file name {name!r} matches the pattern {pattern!r} of meta in several ways: "

@@ -21,8 +21,7 @@ from emacm.files.file_columns import FileColumns, RefusedFileError, missing_code
 from emacm.recordings.names import is_time_name, printable
 
 _RATE_KEYS = ("fs", "sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "rate")
-_ABSCISSAS = {8: "displacement", 11: "velocity", 17: "", 18: "frequency", 19: "rpm"}  # UFF
-_ABSCISSAS |= {20: "order"}
+_ABSCISSAS = {17: "", 18: "frequency", 19: "rpm", 20: "order"}  # of UFF
 _UNIT_KEYS = ("unit", "units", "Unit", "Units")
 
 
@@ -242,12 +241,10 @@ def read_hdf5(path: Path, content: FileColumns, *, separator: str = "/") -> None
         _add_attributes(content, "", file.attrs)
         for place, node in nodes.items():
             name = place.replace("/", separator)
+            kind = _decoded(node.attrs.get("MATLAB_class"))
             if place not in sets:
                 _add_attributes(content, name + separator, node.attrs)
-            elif place[0] != "#" and _decoded(node.attrs.get("MATLAB_class")) not in (
-                "char",
-                "cell",
-            ):
+            elif place[0] != "#" and kind not in ("char", "cell"):
                 before = {*content.columns, *content.numbers}
                 add_array(content, name, _packed(node))
                 for column in {*content.columns, *content.numbers} - before:

@@ -19,12 +19,12 @@ from emacm.shaft.angle import (
 )
 from emacm.shaft.vibration import angle_from_vibration
 
-# Options of each form of an angle besides the columns that it is named by.
-_FORMS = {
-    "currents": {"pole_pairs"},
-    "resolver": {"pole_pairs"},
-    "vibration": {"speeds", "unit", "orders"},
-    "column": {"lead", "unit", "wrapped"},
+# Each form of an angle: how many columns it has, options that it needs, and others.
+_FORMS: dict[str, tuple[tuple[int, ...], set[str], set[str]]] = {
+    "currents": ((2, 3), {"pole_pairs"}, set()),
+    "resolver": ((2,), set(), {"pole_pairs"}),
+    "vibration": ((1,), {"speeds"}, {"unit", "orders"}),
+    "column": ((1,), set(), {"lead", "unit", "wrapped"}),
 }
 
 
@@ -61,17 +61,15 @@ def is_angle(angle: Any, second: Sequence[str] = ()) -> bool:
     form = angle_form(angle)
     if not isinstance(angle, Mapping) or not form:
         return bool(form and angle)
-    allowed = _FORMS[form] | {form}
+    stated, names = set(angle), angle_columns(angle)
+    numbers, needed, others = _FORMS[form]
     if "file" in angle and form == "column":
-        allowed |= set(second)
-    names = angle_columns(angle)
-    number = {"currents": (2, 3), "resolver": (2,)}.get(form, (1,))
+        others = others | set(second)
     are_names = all(isinstance(name, str) and name for name in (*names, angle.get("file", "f")))
-    is_whole = not ({"unit", "wrapped"} & set(angle) and "lead" in angle)
-    is_whole &= form != "currents" or "pole_pairs" in angle
-    speeds = angle.get("speeds")
-    is_whole &= form != "vibration" or (isinstance(speeds, list | tuple) and len(speeds) == 2)
-    return set(angle) <= allowed and len(names) in number and are_names and is_whole
+    is_either = "lead" not in stated or not stated & {"unit", "wrapped"}
+    are_limits = np.shape(angle.get("speeds", (0, 0))) == (2,)
+    is_known = needed <= stated <= {form} | needed | others
+    return is_known and len(names) in numbers and are_names and is_either and are_limits
 
 
 def stated_angle_of(

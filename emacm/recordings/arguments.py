@@ -43,11 +43,10 @@ def check_signals(signals: Any) -> dict[str, NDArray[np.floating]]:
 def _refuse_other_columns(columns: Mapping[Any, pd.Series]) -> None:
     """Raise a ValueError if a column of a table that was passed as a whole is not a channel."""
     for name, values in columns.items():
-        if not isinstance(name, str):
-            continue
-        if is_time_name(name) and values.dtype.kind in "iufmM" and values.is_monotonic_increasing:
+        text = str(name)
+        if is_time_name(text) and values.dtype.kind in "iufmM" and values.is_monotonic_increasing:
             is_what, remedy = "the time of the samples", ""
-        elif "rpm" in re.findall("[a-z]+", name.lower()):
+        elif "rpm" in re.findall("[a-z]+", text.lower()):
             is_what, remedy = "the speed of the shaft", f", velocity=frame[{name!r}] * np.pi / 30"
         else:
             continue

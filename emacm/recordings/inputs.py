@@ -15,7 +15,6 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 from joblib import effective_n_jobs, parallel_config
-from joblib.parallel import get_active_backend
 from numpy.typing import NDArray
 from sklearn.base import TransformerMixin
 from sklearn.utils.parallel import Parallel, delayed
@@ -193,10 +192,7 @@ def received(value: Any) -> str:
         return f"{str(value)!r}. Files are not opened here: use open_recording(path, layout)."
     if value is None or isinstance(value, bool | int | float):
         return f"{value!r}."
-    name = type(value).__name__
-    if name == "DataFrame" and not isinstance(value, pd.DataFrame):
-        name = f"{type(value).__module__.partition('.')[0]} {name}, which is not a pandas one"
-    return f"a {name}.{once_hint(value)}"
+    return f"a {type(value).__name__}.{once_hint(value)}"
 
 
 class RecordingTransformer(  # type: ignore[call-arg]
@@ -268,8 +264,8 @@ def run(
     n_jobs : int, optional
         Number of recordings processed in parallel.
     verbose : bool or int
-        Report to stderr how many recordings are done, the rate and the time left: by tqdm, if it is
-        installed, otherwise by joblib.
+        Report to stderr how many recordings are begun, the rate and the time left: by tqdm, if it
+        is installed, otherwise by joblib.
     prefer : {"threads", "processes"}
         Default backend.
 
@@ -295,12 +291,9 @@ def run(
         if effective_n_jobs(n_jobs) == 1 and not verbose:  # a job takes 20 µs more than a call
             return [function(*values) for values in calls]
         tasks = [delayed(function)(*values) for values in calls]
-        generates = get_active_backend(prefer=prefer)[0].supports_return_generator
-        bar = _bar() if verbose and generates else None
-        if bar is None:
-            return Parallel(n_jobs=n_jobs, verbose=int(verbose), prefer=prefer)(tasks)
-        parallel = Parallel(n_jobs=n_jobs, prefer=prefer, return_as="generator")
-        return list(bar(parallel(tasks), total=len(tasks), unit="recording"))
+        if verbose and (bar := _bar()):
+            tasks, verbose = bar(tasks, unit="recording"), False
+        return Parallel(n_jobs=n_jobs, verbose=int(verbose), prefer=prefer)(tasks)
 
 
 def _in_dask_task() -> bool:

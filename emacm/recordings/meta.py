@@ -221,10 +221,7 @@ def listed_recordings(X: Any) -> list[Any]:
     if not isinstance(X, pd.DataFrame):
         return as_list(X)
     check_unique_columns(X, "X")
-    entries = [row for _, row in X.astype(object).iterrows()]  # integers stay integers
-    if not entries:
-        raise ValueError("X contains no recording; at least one is needed.")
-    return entries
+    return as_list([row for _, row in X.astype(object).iterrows()])  # integers stay integers
 
 
 def _is_array(keys: Any) -> bool:
@@ -265,12 +262,10 @@ def meta_value(entry: Any, index: int, key: Any, role: str) -> Any:
             f"{type(entry).__name__} without meta. Pass recordings with meta={{{key!r}: ...}}."
         )
     if key not in facts:
-        remedy = "Set it when the recording is made, or leave the recording out."
-        if role.startswith("--"):  # an option of a command
-            remedy = f"Correct {role}, or meta in the layout."
         raise ValueError(
             f"{described(entry, index)} has no {kind} {key!r}; it has "
-            f"{', '.join(map(repr, facts.keys())) or 'none'}. {remedy}"
+            f"{', '.join(map(repr, facts.keys())) or 'none'}. Correct {role}, or state it in the "
+            f"meta of the recording or of its layout."
         )
     return _checked(facts[key], entry, index, f"its {kind} {key!r} is")
 

@@ -455,8 +455,54 @@ class Arrays(UserDict[str, Any]):
 
     def __getitem__(self, name: str) -> NDArray[np.floating]:
         series = self.data[name]
-        if isinstance(series, np.ndarray):
-            return series
-        whole = series[:]
-        whole.flags.writeable = False
-        return whole
+        return series if isinstance(series, np.ndarray) else immutable(series[:])
+
+
+class ComputedSeries(LazySeries):
+    """A signal computed from another one of the same length.
+
+    Subclasses implement `read`, `__repr__` (class and parameters, of which digests are made) and
+    `_prepare`, which sets what follows from the parameters; it is neither pickled nor compared.
+
+    Parameters
+    ----------
+    signal : ndarray of shape (n_times,), or an object that can be sliced like one
+        Finite; it may be a memory map.
+
+    Attributes
+    ----------
+    bandwidth : float
+        Frequency above which there is no content [Hz]; infinite if only the sampling rate limits
+        it.
+    """
+
+    bandwidth = np.inf
+    _prepared: tuple[str, ...] = ()
+
+    def __init__(self, signal: Series) -> None:
+        super().__init__(len(signal), signal.dtype)
+        self._signal = signal
+
+    def _prepare(self) -> None:
+        """Set the attributes named in `_prepared`."""
+
+    @property
+    def sources(self) -> list[NDArray[Any]]:
+        """The measured signal."""
+        return sources(self._signal)
+
+    def _described(self, *parameters: Any) -> str:
+        """Return class and parameters, and those of the signal if it is computed as well."""
+        inner = [self._signal] if isinstance(self._signal, ComputedSeries) else []
+        return f"{type(self).__name__}({', '.join(map(repr, [*parameters, *inner]))})"
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all but what follows from the rest."""
+        return {name: value for name, value in vars(self).items() if name not in self._prepared}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore the series, with the signal immutable."""
+        vars(self).update(state)
+        if isinstance(self._signal, np.ndarray):
+            self._signal = immutable(self._signal)
+        self._prepare()

@@ -231,7 +231,7 @@ def meta_value(path: Path, layout: Layout, key: str) -> Any:
             known = f", only {list(meta)}" if meta else ""
             raise ValueError(
                 f"its meta has no {key!r}{known}: the layout does not say which part of the file "
-                f"name it is, as in meta = '{{unit}}_{{state}}_{{run:d}}'."
+                f"name it is, as in meta = '{{unit}}_{{state}}_{{run:d}}', or the name differs."
             )
         if pd.isna(meta[key]) or meta[key] == "":
             raise ValueError(f"its {key!r} is empty. State it, or leave the file out.")
@@ -248,7 +248,7 @@ def unit_named(path: Path, layout: Layout, key: str | None) -> str:
     """
     try:
         meta = layout.meta_of(path)
-    except ValueError:  # of a name that does not match; its row or page states why
+    except ValueError:  # of a name that matches in several ways; its row states it
         return ""
     return str(meta.get("unit", "") if key is None else meta_value(path, layout, key))
 

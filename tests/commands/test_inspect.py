@@ -56,6 +56,8 @@ def test_a_draft_opens_the_file_at_once(csv, capsys):
     assert 'meta = "{field1}_{field2}_{field3}"' in Path("layout.toml").read_text(encoding="utf-8")
     assert main(["inspect", str(csv), "--draft", "layout.toml"]) == 2
     assert "exists" in capsys.readouterr().err
+    assert main(["inspect", str(csv), "--draft", "other.toml", "--meta", "{unit}-{run}"]) == 2
+    assert "does not match the pattern" in capsys.readouterr().err
 
 
 def test_a_gap_and_values_that_are_not_finite_are_stated(tmp_path, capsys):
@@ -115,7 +117,7 @@ def test_a_draft_marks_all_that_the_file_does_not_state(tmp_path):
     text = draft.read_text(encoding="utf-8")
     open_lines = [line.split("  # FILL IN")[0] for line in text.splitlines() if "  # FILL" in line]
     assert open_lines == [
-        "# fs = 12000",
+        '# fs = {"current" = 12000, "theta" = 12000}',
         '# meta = "{field1}_{field2}"',
         '# "theta" = "rad"',
         '# "current" = "g"',

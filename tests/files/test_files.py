@@ -12,8 +12,6 @@ from files.written import write
 
 from emacm import EnvelopeDetector, Layout, Recording, RecordingFolder, open_recording
 from emacm.files import folder as files
-from emacm.files.column_roles import rates_of_columns
-from emacm.files.file_columns import FileColumns
 
 FS = 2048.0
 TIMES = np.arange(3000) / FS
@@ -221,24 +219,6 @@ def test_numbers_of_a_text_are_read_exactly(tmp_path):
     pd.DataFrame({"b": values}).to_csv(tmp_path / "a.csv", index=False)
     opened = open_recording(tmp_path / "a.csv", Layout(fs=10, velocity=1))
     np.testing.assert_array_equal(opened.signals["b"], values)
-
-
-@pytest.mark.parametrize(
-    ("numbers", "units", "rates"),
-    [
-        ({"fs": 25.0}, {}, {"b": 25, "g/c": 25}),
-        ({"g/Sample_Rate": 25.0}, {"g/Sample_Rate": "kHz"}, {"g/c": 25_000}),
-        ({"fs": 25.0, "g/fs": 5.0}, {"fs": "Hz"}, {"b": 25, "g/c": 5}),
-        ({"fs": 0.0}, {}, {}),
-        ({"fs": 25.0}, {"fs": "rpm"}, {}),
-        ({"offset": 25.0}, {}, {}),
-    ],
-)
-def test_a_rate_in_a_file_holds_for_the_columns_of_its_group(numbers, units, rates):
-    columns = {"b": np.zeros(2), "g/c": np.zeros(2), "own": np.zeros(2)}
-    content = FileColumns(columns, {"own": 7.0}, dict(units), dict(numbers))
-    found = rates_of_columns(content, Layout(), None, [(c, c) for c in columns])
-    assert {name: even.rate for name, even in found.items()} == rates | {"own": 7}
 
 
 @pytest.mark.parametrize(

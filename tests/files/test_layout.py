@@ -86,7 +86,7 @@ def test_an_angle_may_be_wrapped_and_in_any_unit(tmp_path, unit, period, wrapped
 @pytest.mark.parametrize(
     ("options", "columns", "message"),
     [
-        ({}, {"rpm": ANGLE}, r"; 'rpm' looks like one\. Set velocity = 'rpm \[rpm\]'"),
+        ({}, {"rpm": ANGLE}, r"no shaft reference\. Set velocity = 'rpm \[rpm\]'"),
         ({}, {"c": ANGLE}, r"no shaft reference\. Set velocity = 'speed \[rpm\]'"),
         ({"velocity": 3}, {"rpm": ANGLE}, r"column 'rpm' is named like .*channels = \['b'"),
         ({"velocity": "rpm"}, {"rpm": ANGLE}, r"the unit of 'rpm' is not stated"),
@@ -149,18 +149,9 @@ def test_a_table_gives_the_meta(tmp_path, meta):
     assert opened(tmp_path, Layout(fs=3, velocity=3, meta=meta), b=VIBRATION).meta == {"load": 3}
 
 
-@pytest.mark.parametrize(
-    ("meta", "message"),
-    [
-        ("{unit}-{run}", "does not match the pattern"),
-        ({"B.npz": {}}, "no row for the file 'A_1.npz'"),
-    ],
-)
-def test_labels_of_a_file_are_missing_until_they_are_needed(tmp_path, meta, message):
-    layout = Layout(fs=3, velocity=3, meta=meta)
-    assert opened(tmp_path, layout, b=VIBRATION).meta == {}
-    with pytest.raises(ValueError, match=message):
-        layout.meta_of("A_1.npz")
+@pytest.mark.parametrize("meta", ["{unit}-{run}", {"B.npz": {}}])
+def test_labels_of_a_file_that_its_name_does_not_state_are_missing(tmp_path, meta):
+    assert opened(tmp_path, Layout(fs=3, velocity=3, meta=meta), b=VIBRATION).meta == {}
 
 
 def test_a_name_that_matches_in_two_ways_is_refused(tmp_path):
@@ -220,7 +211,7 @@ def test_a_bad_file_of_a_layout_is_refused(tmp_path, text, message):
     (tmp_path / "layout.toml").write_text(text)
     with pytest.raises(ValueError, match=message):
         Layout.from_toml(tmp_path / "layout.toml")
-    with pytest.raises(FileNotFoundError, match="there is no file"):
+    with pytest.raises(FileNotFoundError, match="none"):
         Layout.from_toml(tmp_path / "none.toml")
 
 
@@ -266,5 +257,4 @@ def test_the_most_specific_name_in_a_table_of_meta_is_taken():
 )
 def test_new_files_have_no_state_in_their_name_but_their_unit(pattern, name):
     assert Layout(meta=pattern).meta_of(name) == {"unit": "A7", "run": 3}
-    with pytest.raises(ValueError, match="does not match"):
-        Layout(meta=pattern).meta_of("notes.csv")
+    assert Layout(meta=pattern).meta_of("notes.csv") == {}

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-import scipy.io.wavfile
 
-from emacm import EmacmWarning, Layout, RecordingFolder, open_recording
+from emacm import Layout, RecordingFolder, open_recording
 from emacm.__main__ import main
 
 FS = 2000
@@ -114,14 +113,6 @@ def test_a_sensitivity_gives_a_channel_the_unit_of_the_sensor(tmp_path):
         _ = angle_by(tmp_path, scale={"vibration": "100 mV/g"}, velocity="600 rpm").signals
     with pytest.raises(TypeError, match="sensitivity"):
         Layout(scale="100 mV")
-
-
-def test_full_scale_of_a_wav_file_is_stated_as_what_it_is_taken_for(tmp_path):
-    scipy.io.wavfile.write(tmp_path / "a.wav", FS, np.arange(-8000, 8000, dtype=np.int16))
-    layout = Layout(velocity="600 rpm", units={"x0": "V"}, scale="10 mV/g")
-    with pytest.warns(EmacmWarning, match="full scale of this WAV file is taken as 1 V"):
-        found = open_recording(tmp_path / "a.wav", layout).signals["x0"]
-    assert found[0] == pytest.approx(-8000 / 2**15 * 100)
 
 
 # Drafts

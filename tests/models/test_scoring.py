@@ -203,19 +203,6 @@ FAILURES = {
         Layout(**OTHER),
         "'sound' besides",
     ),
-    "Excel workbook": (
-        "a.csv",
-        lambda p: p.write_bytes(b"PK\x03\x04" + bytes(range(1, 256))),
-        LAYOUT,
-        "a ZIP archive, such as an Excel workbook: save it as CSV",
-    ),
-    "web page": ("a.csv", lambda p: p.write_text("<html>\n404\n"), LAYOUT, "it is a web page"),
-    "Git LFS": (
-        "a.npz",
-        lambda p: p.write_text("version https://git-lfs.github.com/spec/v1\nsize 7\n"),
-        LAYOUT,
-        "pointer of Git LFS",
-    ),
 }
 
 

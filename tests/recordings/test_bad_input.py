@@ -15,7 +15,7 @@ CASES = [
     Case("nan in the velocity", lambda: run(velocity=spoilt(3, np.nan)), V, "velocity", "sample 3"),
     Case("no shaft", lambda: Recording({"a": [1, 2]}, 100), V, "exactly one of angle", "neither"),
     Case("two shafts", lambda: run(angle=[1, 2], velocity=[1, 2]), V, "exactly one", "both"),
-    Case("unequal durations", lambda: run(velocity=np.ones(700)), V, "durations", "channel 'a'"),
+    Case("unequal durations", lambda: run(velocity=np.ones(602)), V, "durations", "channel 'a'"),
     Case("complex numbers", lambda: run(signals={"a": np.ones(600) * 1j}), T, "'a'", "real"),
     Case("paths below rest", lambda: run().paths(min_speed=-3), V, "min_speed", "at least 0"),
     Case("a word for a speed", lambda: run().strokes("slow"), T, "min_speed", "rad/s", "'slow'"),

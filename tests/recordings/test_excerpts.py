@@ -1,4 +1,4 @@
-"""Constant speed as a number, units, parts of a recording, other names, and the HTML table."""
+"""Constant speed as a number, units, parts of a recording and its channels."""
 
 import numpy as np
 import pytest
