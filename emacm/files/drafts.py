@@ -133,10 +133,15 @@ class FileContents:
         return [name for name in self.columns.columns if name not in others]
 
     @property
-    def without_rate(self) -> list[str]:
-        """Channels and column of the shaft of which the sampling rate is not known."""
+    def missing_rates(self) -> dict[str, float]:
+        """Proposed rates of the columns without one, for which all columns last equally long."""
+        columns = self.columns.columns.items()
         used = {*self.channels, self.shaft}
-        return [name for name in self.columns.columns if name in used - self.rates.keys()]
+        lengths = {name: len(values) for name, values in columns if name in used}
+        known = [n / self.rates[name] for name, n in lengths.items() if name in self.rates]
+        duration = known[0] if known else max(lengths.values(), default=0) / 12_000
+        missing = {name: n for name, n in lengths.items() if name not in self.rates}
+        return {name: float(f"{n / duration:.6g}") for name, n in missing.items()}
 
     @property
     def numbers(self) -> dict[str, NDArray[Any]]:
@@ -202,8 +207,8 @@ def contents_of(path: Path) -> FileContents:
     contents.unused |= {name: f"it {reason}" for name, reason in reasons.items() if reason}
     contents.unused |= dict.fromkeys(contents.resolver, "it is named like an output of a resolver")
     contents.unused |= dict.fromkeys(shafts[1:], "it is named like the motion of a shaft")
-    if contents.without_rate:
-        names = ", ".join(contents.without_rate)
+    if contents.missing_rates:
+        names = ", ".join(contents.missing_rates)
         remarks.append(f"fs of {names}: neither the file nor a column of times states it")
     return contents
 
@@ -348,9 +353,11 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
         lines.append(f"time = {_as_toml(contents.times)}")
     if contents.rates:
         lines.append(f"# fs: {_rates(contents)} Hz, found in the file")
-    if contents.without_rate:
-        rates = ", ".join(f"{_as_toml(name)} = 12000" for name in contents.without_rate)
-        lines.append(f"# fs = {{{rates}}}  # FILL IN: sampling rates [Hz]")
+    if missing := contents.missing_rates:
+        by_name = ", ".join(f"{_as_toml(name)} = {rate:.9g}" for name, rate in missing.items())
+        is_one = not contents.rates and len(set(missing.values())) == 1
+        rates = f"{max(missing.values()):.9g}" if is_one else f"{{{by_name}}}"
+        lines.append(f"# fs = {rates}  # FILL IN: sampling rate [Hz]")
     lines.append(f"channels = [{', '.join(map(_as_toml, contents.channels))}]")
     lines += [f"# {_as_toml(name)} is not used: {why}" for name, why in contents.unused.items()]
     if contents.columns.is_relative:
@@ -399,7 +406,8 @@ def _units(contents: FileContents) -> Iterator[str]:
         yield f"{_as_toml(shaft)} = {_as_toml(contents.shaft_unit)}"
     elif shaft is not None and contents.kind in ("velocity", "angle"):
         usual = "rpm" if contents.kind == "velocity" else "rad"
-        yield f"# {_as_toml(shaft)} = {_as_toml(usual)}  # FILL IN: its unit"
+        others = "" if contents.kind == "velocity" else ", as deg, or rev/4096 of counts"
+        yield f"# {_as_toml(shaft)} = {_as_toml(usual)}  # FILL IN: its unit{others}"
     for name in contents.channels:
         if stated.get(name):
             yield f"{_as_toml(name)} = {_as_toml(stated[name])}"

@@ -117,7 +117,7 @@ def test_a_draft_marks_all_that_the_file_does_not_state(tmp_path):
     text = draft.read_text(encoding="utf-8")
     open_lines = [line.split("  # FILL IN")[0] for line in text.splitlines() if "  # FILL" in line]
     assert open_lines == [
-        '# fs = {"current" = 12000, "theta" = 12000}',
+        "# fs = 12000",
         '# meta = "{field1}_{field2}"',
         '# "theta" = "rad"',
         '# "current" = "g"',
