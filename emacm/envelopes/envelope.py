@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from emacm._checks import check_choice, check_number
 from emacm._statements import warn
-from emacm.envelopes.prewhitening import WhitenedBand, WhitenedSeries
+from emacm.envelopes.prewhitening import WhitenedSeries
 from emacm.recordings.series import ComputedSeries
 from emacm.shaft.motion import BLOCK, Series, mirrored
 
@@ -190,8 +190,6 @@ class EnvelopeSeries(ComputedSeries):
     9.0
     """
 
-    _prepared = ("_taps", "_whitened")
-
     def __init__(self, signal: Series, fs: float, band: Band, *, squared: bool = True) -> None:
         super().__init__(signal)
         low, high = check_band(band, fs)
@@ -204,16 +202,13 @@ class EnvelopeSeries(ComputedSeries):
             )
         self._fs, self._band, self.squared = fs, (low, high), squared
         self.bandwidth = high - low
-        self._prepare()
-
-    def _prepare(self) -> None:
-        taps = analytic_filter(*self._band, self._fs)
+        taps = analytic_filter(low, high, fs)
         self._taps = taps.astype(np.result_type(self.dtype, np.complex64), copy=False)
-        self.reach = len(taps) // 2
+        self.reach = n_taps // 2
         # A prewhitened signal passes the filter while it is a spectrum.
-        self._whitened: WhitenedBand | None = None
-        if isinstance(self._signal, WhitenedSeries) and 2 * self.reach <= self._signal.fade:
-            self._whitened = WhitenedBand(self._signal, taps)
+        self._whitened: WhitenedSeries | None = None
+        if isinstance(signal, WhitenedSeries) and 2 * self.reach <= signal.fade:
+            self._whitened = WhitenedSeries(signal._signal, fs, taps)
 
     def __repr__(self) -> str:
         """Band and kind, of which digests are made."""
