@@ -147,7 +147,7 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
         check_channel_names(recording.channels, list(bands))
         for channel in [c for c, band in bands.items() if select and band == "kurtogram"]:
             with located(f"channel {channel!r}"):
-                bands[channel] = kurtogram(recording.series[channel], recording.fs[channel]).band
+                bands[channel] = kurtogram(recording.signals[channel], recording.fs[channel]).band
         return recording._derived(_envelope_content, bands, bool(self.squared))
 
 
@@ -158,12 +158,18 @@ def _envelope_content(
     found: dict[str, Series] = {}
     rates: dict[str, float] = {}
     for channel, signal in measured.series.items():
-        fs, signals = measured.fs[channel], {channel: signal}
-        if channel in bands:
-            with located(f"channel {channel!r}"):
-                signals = _envelopes(signal, fs, channel, bands[channel], squared)
-        found |= signals
-        rates |= dict.fromkeys(signals, fs)
+        fs, band = measured.fs[channel], bands.get(channel)
+        if band is None:
+            found[channel], rates[channel] = signal, fs
+            continue
+        if isinstance(band, str):
+            band = fs / 32, 15 * fs / 32  # the widest that has a short filter
+        with located(f"channel {channel!r}"):
+            edges = band if isinstance(band, list) else [band]
+            for name, (low, high) in zip(envelope_names(channel, band), edges, strict=True):
+                found[name] = EnvelopeSeries(signal, fs, (low, high), squared=squared)
+                rates[name] = fs
+                warn_of_long_filter(low, high, fs)
     return {"_series": found, "_fs": rates}
 
 
@@ -178,16 +184,3 @@ def envelope_names(channel: str, band: Any) -> list[str]:
     if not isinstance(band, list):
         return [channel]
     return [f"{channel}_{low:g}-{high:g}Hz" for low, high in band]
-
-
-def _envelopes(
-    signal: Series, fs: float, channel: str, band: Any, squared: bool
-) -> dict[str, Series]:
-    """Return the envelopes of a channel by name."""
-    found: dict[str, Series] = {}
-    widest = fs / 32, 15 * fs / 32  # that has a short filter
-    bands = band if isinstance(band, list) else [widest if isinstance(band, str) else band]
-    for name, (low, high) in zip(envelope_names(channel, band), bands, strict=True):
-        found[name] = EnvelopeSeries(signal, fs, (low, high), squared=squared)
-        warn_of_long_filter(low, high, fs)
-    return found
