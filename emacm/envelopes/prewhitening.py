@@ -143,23 +143,20 @@ def whiten(
     >>> print(round(magnitude[100] / magnitude[37], 9))  # that of the tone beside another one
     1.0
     """
-    rows = np.atleast_2d(segments)
-    n_times = rows.shape[1]
-    lines = scipy.fft.rfft(rows)
-    lines[:, 0] = 0  # the mean is no vibration
+    n_times = segments.shape[-1]
+    lines = scipy.fft.rfft(segments)
+    lines[..., 0] = 0  # the mean is no vibration
     power = lines.real**2 + lines.imag**2
     # Rounding leaves some 8 times the resolution of the type beside the largest line.
     resolution = 8 * np.finfo(segments.dtype).eps
     largest = np.maximum(power.max(axis=-1), n_times * np.asarray(removed) ** 2)
-    power[power <= resolution**2 * largest[:, np.newaxis]] = np.inf
+    power[power <= resolution**2 * largest[..., np.newaxis]] = np.inf
     lines *= np.divide(rms, np.sqrt(power, out=power), out=power)
     if gain is None:
-        white = scipy.fft.irfft(lines, n_times, norm="ortho", overwrite_x=True)
-    else:
-        positive = np.zeros((len(rows), n_times), lines.dtype)
-        np.multiply(lines[:, :-1], gain[:-1], out=positive[:, : n_times // 2])
-        white = scipy.fft.ifft(positive, norm="ortho", overwrite_x=True)
-    return white.reshape(segments.shape)
+        return scipy.fft.irfft(lines, n_times, norm="ortho", overwrite_x=True)
+    positive = np.zeros(segments.shape, lines.dtype)
+    positive[..., : n_times // 2] = lines[..., :-1] * gain[:-1]
+    return scipy.fft.ifft(positive, norm="ortho", overwrite_x=True)
 
 
 class CepstralPrewhitening(  # type: ignore[call-arg]

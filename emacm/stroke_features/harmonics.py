@@ -300,7 +300,5 @@ def whole_revolutions(travel: ArrayLike, section: int = 0, n_sections: int = 1) 
 def _without_trend(rows: Array, theta: Array, weight: Array) -> Array:
     """Weight columns, and remove a level and a trend from each of them."""
     trend = np.column_stack([np.ones_like(theta), theta - theta.mean()]) * weight[:, np.newaxis]
-    basis, size = np.linalg.qr(trend / (np.linalg.norm(trend, axis=0) + np.finfo(float).tiny))
-    basis = basis[:, np.abs(np.diag(size)) > 1e-9]
     weighted = rows * weight[:, np.newaxis]
-    return weighted - basis @ (basis.T @ weighted)
+    return weighted - trend @ np.linalg.lstsq(trend, weighted, rcond=1e-9)[0]
