@@ -60,10 +60,10 @@ def fault_orders(
     Raises
     ------
     TypeError
-        If a part is of another type.
+        If there is no part, or one is of another type.
     ValueError
-        If there is no part, two lines have the same name, an order is not positive, or "current"
-        is requested without exactly one motor.
+        If two lines have the same name, an order is not positive, or "current" is requested without
+        exactly one motor.
 
     See Also
     --------
@@ -97,16 +97,13 @@ def fault_orders(
     check_choice(signal, "signal", ("vibration", "current"))
     if max_order is not None:
         check_number(max_order, "max_order", above=0, unit="orders")
-    if len(parts) == 1 and isinstance(parts[0], (list, tuple)):
-        parts = (*parts[0],)
-    if not parts:
-        raise ValueError("fault_orders needs at least one part, such as Bearing(9, 7.94, 39.04).")
+    listed = _listed(parts[0] if len(parts) == 1 else parts)
     rows: list[tuple[Any, ...]] = []
-    for number, part in enumerate(parts):
+    for number, part in enumerate(listed):
         for prefix, owner, line in lines_of(part, number):
             rows += _rows(prefix, owner, line, harmonics, sidebands, signal)
     if signal == "current":
-        rows = list(_in_current(rows, [part for part in parts if isinstance(part, _MOTORS)]))
+        rows = list(_in_current(rows, [part for part in listed if isinstance(part, _MOTORS)]))
     check_distinct([row[0] for row in rows])
     table = pd.DataFrame(rows, columns=list(_COLUMNS)).set_index("name")
     return table if max_order is None else table[table["order"] <= max_order]
@@ -206,8 +203,6 @@ def slip_ranges(
     slips: Any = True
     if isinstance(orders, pd.DataFrame):
         slips = orders["slips"].to_numpy()
-        if slips.dtype != bool:
-            raise TypeError(f"the column 'slips' must be boolean, got {slips.dtype}.")
     half = np.maximum(np.where(slips, slip, 0.0) * centres, min_width / 2)
     return names, np.maximum(centres - half, 0.0), centres + half
 

@@ -194,12 +194,11 @@ class PlanetaryGear(Part):
     def speeds(self) -> dict[str, float]:
         """Signed revolutions of sun, planet, ring and carrier per revolution of the motor shaft."""
         # Relative to the carrier, the speeds are as those of the teeth (Willis).
-        relative = {"sun": 1 / self.sun_teeth, "ring": -1 / self.ring_teeth, "carrier": 0.0}
-        absolute = {member: x - relative[self.fixed] for member, x in relative.items()}
-        absolute["planet"] = -1 / self._planet - relative[self.fixed]
-        scale = self.ratio / absolute[self._input]
-        order = ("sun", "planet", "ring", "carrier")
-        return {member: scale * absolute[member] for member in order}
+        relative = {"sun": 1 / self.sun_teeth, "planet": -1 / self._planet}
+        relative |= {"ring": -1 / self.ring_teeth, "carrier": 0.0}
+        at_rest = relative[self.fixed]
+        scale = self.ratio / (relative[self._input] - at_rest)
+        return {member: scale * (speed - at_rest) for member, speed in relative.items()}
 
     @property
     def output_ratio(self) -> float:

@@ -313,18 +313,14 @@ def bearing_of(text: str) -> Bearing:
     True
     """
     known, name = published_bearings(), designation_in(text)
+    numbers = text.split(",") if name is None else known.loc[name].tolist()[:4]
     try:
-        if name is not None:
-            numbers = [float(known.at[name, column]) for column in known.columns[:4]]
-        else:
-            numbers = [float(number) for number in text.split(",")]
         n_balls, ball, pitch, *angle = numbers
-        (degrees_,) = angle or (0.0,)
-        if n_balls != int(n_balls):
-            raise ValueError
+        (in_degrees,) = angle or (0.0,)
+        geometry = int(n_balls), float(ball), float(pitch), radians(float(in_degrees))
     except ValueError:
         raise ValueError(
             f"the bearing must be one of {', '.join(known.index)}, or as in 9,7.94,39.04 (balls, "
             f"ball diameter, pitch diameter, and contact angle in degrees); got {text!r}."
         ) from None
-    return Bearing(int(n_balls), ball, pitch, radians(degrees_))
+    return Bearing(*geometry)

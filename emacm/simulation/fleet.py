@@ -161,16 +161,12 @@ def simulate_fleet(
     ['healthy', 'healthy', 'screw', 'screw', 'inner ring', 'inner ring']
     """
     check_count(n_units, "n_units")
-    check_count(n_runs, "n_runs")
-    check_count(first_unit, "first_unit", at_least=0)
-    if not isinstance(severity, tuple) or len(severity) != 2:
-        raise TypeError(f"severity must be a pair such as (0.3, 0.7), got {severity!r}.")
     low, high = (check_number(bound, "severity", at_least=0, at_most=1) for bound in severity)
     recordings = []
     for position, state in enumerate(STATES):
         for number in range(first_unit, first_unit + n_units):
             rng = np.random.default_rng([seed, zlib.crc32(state.encode()), number])
-            size = rng.uniform(min(low, high), max(low, high))
+            size = rng.uniform(low, high)
             unit = 1_000_000 * position + number  # a range of numbers for each state
             recordings += [
                 simulate_actuator(state, severity=size, unit=unit, run=run, seed=seed)
