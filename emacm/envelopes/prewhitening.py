@@ -72,7 +72,7 @@ class WhitenedSeries(ComputedSeries):
         # Without a taper, the cut ends of a strong tone would be impacts.
         self._fade_ends(segments)
         rms = np.sqrt(1 - fade / (hop + fade))
-        white = whiten(segments, levels, rms=rms, gain=self._gain)
+        white: Any = whiten(segments, levels, rms=rms, gain=self._gain)
         self._fade_ends(white)
         white[1:, :fade] += white[:-1, hop:]
         return white[:, :hop].ravel()[start - begin : stop - begin]

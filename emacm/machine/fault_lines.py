@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
+from scipy.stats import iqr
 
 from emacm._checks import check_number
 from emacm.findings.new_lines import line_heights
@@ -411,7 +412,8 @@ class LineLevels:
             The nearest of a grid of shapes; for an average of n independent segments, n.
         """
         shapes, spreads = _simulated_spreads(self._width)
-        spread = _spread(self.heights(psd))
+        # A few strong lines do not change the interquartile range.
+        spread = iqr(self.heights(psd), axis=-1)
         return shapes[np.argmin(np.abs(spread[:, np.newaxis] - spreads), axis=1)]
 
     def _background_levels(self, shape: float) -> Array:
@@ -448,13 +450,7 @@ def _simulated_spreads(width: int) -> tuple[Array, Array]:
     """Return Gamma shapes, and the spread of simulated heights for each of them."""
     rng, shapes = np.random.default_rng(20_111), np.geomspace(0.5, 2000, 120)
     psd = rng.standard_gamma(shapes[:, np.newaxis], (len(shapes), 40_000))
-    return shapes, _spread(line_heights(psd, width))
-
-
-def _spread(heights: Array) -> Array:
-    """Return the interquartile range of each row, which a few strong lines do not change."""
-    low, high = np.quantile(heights, [0.25, 0.75], axis=-1)
-    return high - low
+    return shapes, iqr(line_heights(psd, width), axis=-1)
 
 
 class FaultLines(OrderTableTransformer):

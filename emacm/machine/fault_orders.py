@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, TypeAlias
 
@@ -319,26 +319,10 @@ def check_distinct(names: Sequence[str]) -> None:
             )
 
 
-@dataclass(frozen=True)
-class _DamagedPart(Part):
-    """A part with only those lines that an undamaged one does not have."""
-
-    part: Part
-
-    @property
-    def name(self) -> str:  # type: ignore[override]
-        """Prefix of the names of its lines."""
-        return self.part.name
-
-    def lines(self) -> tuple[Line, ...]:
-        """Return the lines of damage."""
-        return tuple(line for line in self.part.lines() if line.of_damage)
-
-
 Parts = Sequence[Part | Mapping[str, float]] | Part | Mapping[str, float]
 
 
-def _listed(parts: Parts) -> Sequence[Part | Mapping[str, float]]:
+def _listed(parts: Any) -> Sequence[Part | Mapping[str, float]]:
     """Return a list of parts; raise a TypeError if there is none."""
     listed = [parts] if isinstance(parts, Part | Mapping) else parts
     if isinstance(listed, str) or not isinstance(listed, Sequence) or not listed:
@@ -349,39 +333,19 @@ def _listed(parts: Parts) -> Sequence[Part | Mapping[str, float]]:
     return listed
 
 
-def only_damage(parts: Parts) -> list[Part | Mapping[str, float]]:
-    """Return parts without the lines that undamaged ones have too.
-
-    Raises
-    ------
-    TypeError
-        If there is no part.
-
-    Examples
-    --------
-    >>> from emacm import Gear
-    >>> [line.name for line in only_damage(Gear(8, 42))[0].lines()]
-    ['pinion', 'wheel']
-    """
-    return [
-        part if isinstance(part, _DamagedPart) or not isinstance(part, Part) else _DamagedPart(part)
-        for part in _listed(parts)
-    ]
-
-
 def gears_and_orders(parts: Parts) -> tuple[list[Gear], dict[str, float]]:
     """Return the pairs of gears among parts, and the orders that mappings state, by name.
 
     Examples
     --------
     >>> from emacm import Gear
-    >>> gears_and_orders(only_damage([Gear(8, 42), {"fan": 7.0}]))[1]
+    >>> gears_and_orders([Gear(8, 42), {"fan": 7.0}])[1]
     {'fan': 7.0}
     """
-    whole = [part.part if isinstance(part, _DamagedPart) else part for part in _listed(parts)]
-    given = [part for part in whole if isinstance(part, Mapping)]
+    listed = _listed(parts)
+    given = [part for part in listed if isinstance(part, Mapping)]
     orders = {str(name): float(order) for part in given for name, order in part.items()}
-    return [part for part in whole if isinstance(part, Gear)], orders
+    return [part for part in listed if isinstance(part, Gear)], orders
 
 
 @dataclass(frozen=True)
@@ -402,6 +366,8 @@ class FaultSeries:
         Name and order of each modulation.
     strikes : int
         Strikes per period of the lowest order of the part; 2 for a ball, which meets both rings.
+    of_damage : bool
+        Whether an undamaged part has no such lines.
     """
 
     name: str
@@ -410,6 +376,11 @@ class FaultSeries:
     kind: str = ""
     sidebands: tuple[tuple[str, float], ...] = ()
     strikes: int = 1
+    of_damage: bool = True
+
+    def up_to(self, highest: float) -> FaultSeries:
+        """Return the series with its lines up to an order."""
+        return replace(self, orders=tuple(order for order in self.orders if order <= highest))
 
 
 def fault_series(parts: Parts, harmonics: int) -> tuple[FaultSeries, ...]:
@@ -451,7 +422,18 @@ def fault_series(parts: Parts, harmonics: int) -> tuple[FaultSeries, ...]:
             orders = line.strikes * np.arange(1, harmonics + 1) * line.order
             # Stated orders 1 and 2 are those of the shaft itself.
             slips = line.slips and not (line.kind == "given" and line.order in (1.0, 2.0))
-            more = slips, line.kind, line.sidebands, line.strikes
+            more = slips, line.kind, line.sidebands, line.strikes, line.of_damage
             found.append(FaultSeries(prefix + line.name, tuple(orders.tolist()), *more))
     check_distinct([fault.name for fault in found])
     return tuple(found)
+
+
+def damage_series(parts: Parts, harmonics: int) -> tuple[FaultSeries, ...]:
+    """Return the series of `fault_series` without the lines that undamaged parts have too.
+
+    Examples
+    --------
+    >>> [fault.name for fault in damage_series(Gear(8, 42), 1)]
+    ['pinion', 'wheel']
+    """
+    return tuple(fault for fault in fault_series(parts, harmonics) if fault.of_damage)

@@ -12,7 +12,7 @@ import pandas as pd
 
 from emacm._checks import check_count, check_number
 from emacm.machine.fault_lines import FaultLines
-from emacm.machine.fault_orders import Parts, fault_series, only_damage
+from emacm.machine.fault_orders import Parts, damage_series
 from emacm.machine.fault_spectra import Fault, Measured, measured_spectra
 from emacm.machine.healthy_scores import HealthyScores, healthy_scores
 from emacm.machine.plain_lines import missing_condition, rises
@@ -221,8 +221,7 @@ def find_faults(
     """
     check_count(harmonics, "harmonics", at_most=100)
     check_number(false_alarm, "false_alarm", above=0, at_most=1)
-    parts = only_damage(parts)
-    series = fault_series(parts, harmonics)
+    series = damage_series(parts, harmonics)
     if not series:
         raise ValueError(
             "the parts have no lines of damage. Add a Bearing, BallScrew, Gear or PlanetaryGear, "

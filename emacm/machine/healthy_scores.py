@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 from emacm._checks import located
 from emacm.machine.fault_lines import FaultLines
-from emacm.machine.fault_orders import only_damage
 from emacm.machine.fault_spectra import measured_spectra
 from emacm.machine.plain_lines import PlainLines
 from emacm.recordings.inputs import entry_name
@@ -52,7 +51,6 @@ def healthy_scores(
         As `find_faults`; also if the harmonics of the shaft show that a speed is wrong.
     """
     by_channel: dict[str, HealthyScores] = {}
-    parts = only_damage(parts)
     levels = FaultLines(parts, harmonics=harmonics, slip=slip, channels=channels)
     with located("healthy"):
         for measured in measured_spectra(healthy, levels):
