@@ -220,16 +220,14 @@ class EnvelopeSeries(ComputedSeries):
         at_once = max(BLOCK, 2 * len(self._taps))
         for first in range(start, stop, at_once):
             last = min(first + at_once, stop)
-            analytic = self._analytic(first, last)
+            if self._whitened is not None:
+                analytic: Any = self._whitened.read(first, last)
+            else:
+                near: Any = mirrored(self._signal, first - self.reach, last + self.reach)
+                analytic = scipy.signal.oaconvolve(near, self._taps, mode="valid")
             size = analytic.real**2 + analytic.imag**2 if self.squared else np.abs(analytic)
             values[first - start : last - start] = size
         return values
-
-    def _analytic(self, start: int, stop: int) -> NDArray[np.complexfloating]:
-        if self._whitened is not None:
-            return self._whitened.read(start, stop)
-        near: Any = mirrored(self._signal, start - self.reach, stop + self.reach)
-        return scipy.signal.oaconvolve(near, self._taps, mode="valid")
 
 
 def warn_of_long_filter(low: float, high: float, fs: float) -> None:

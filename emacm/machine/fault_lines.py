@@ -552,21 +552,21 @@ class FaultLines(OrderTableTransformer):
             coarse, or a parameter is invalid.
         """
         self._checked_table(X, reset=True)
-        blocks = parse_order_columns(column_names(X) or ())
-        if blocks is None:
+        blocks = {b.channel: b for b in parse_order_columns(column_names(X) or ()) or ()}
+        if not blocks:
             raise ValueError(
                 "FaultLines needs order spectra whose columns are named channel@order, as OrderPSD "
                 "returns them. Put FaultLines after OrderPSD, or pass a DataFrame with such names."
             )
         series = fault_series(self.parts, self.harmonics)
-        known = [block.channel for block in blocks]
-        self.channels_ = chosen_channels(self.channels, known)
-        check_channel_names(known, self.channels_, "X")
+        self.channels_ = chosen_channels(self.channels, [*blocks])
+        check_channel_names([*blocks], self.channels_, "X")
         self.faults_ = tuple(fault.name for fault in series)
         self._levels = {}
-        for block in (blocks[known.index(channel)] for channel in self.channels_):
-            measure = LineLevels(block.orders, series, self.slip, self.background)
-            self._levels[block.channel] = block.columns, measure
+        for channel in self.channels_:
+            orders, columns = blocks[channel].orders, blocks[channel].columns
+            measure = LineLevels(orders, series, self.slip, self.background)
+            self._levels[channel] = columns, measure
         self._columns_out = tuple(f"{c}@{fault}" for c in self.channels_ for fault in self.faults_)
         return self
 

@@ -19,7 +19,6 @@ from emacm.orders.bins import Band, round_edge
 
 Orders: TypeAlias = pd.DataFrame | pd.Series | Mapping[str, float]
 
-_MOTORS = (Motor, InductionMotor)
 _COLUMNS = ("name", "order", "part", "kind", "harmonic", "sideband", "slips")
 
 
@@ -103,7 +102,8 @@ def fault_orders(
         for prefix, owner, line in lines_of(part, number):
             rows += _rows(prefix, owner, line, harmonics, sidebands, signal)
     if signal == "current":
-        rows = list(_in_current(rows, [part for part in listed if isinstance(part, _MOTORS)]))
+        motors = [part for part in listed if isinstance(part, Motor | InductionMotor)]
+        rows = list(_in_current(rows, motors))
     check_distinct([row[0] for row in rows])
     table = pd.DataFrame(rows, columns=list(_COLUMNS)).set_index("name")
     return table if max_order is None else table[table["order"] <= max_order]
@@ -222,11 +222,6 @@ def named_orders(orders: Orders) -> tuple[list[str], np.ndarray]:
     (['BPFI'], array([6.123]))
     """
     if isinstance(orders, pd.DataFrame):
-        missing = [name for name in ("order", "slips") if name not in orders.columns]
-        if missing:
-            raise ValueError(
-                f"orders must be a table from fault_orders; it has no column {missing[0]!r}."
-            )
         orders = orders["order"]
     if not isinstance(orders, Mapping | pd.Series) or not len(orders):
         raise TypeError(

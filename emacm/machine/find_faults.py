@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from emacm._checks import check_count, check_number
+from emacm._checks import check_number
 from emacm.machine.fault_lines import FaultLines
 from emacm.machine.fault_orders import Parts, damage_series
 from emacm.machine.fault_spectra import Fault, Measured, measured_spectra
@@ -219,7 +219,6 @@ def find_faults(
     >>> find_faults([run], {"BPFI": 5.415, "BPFO": 3.585})["named"].tolist()
     ['BPFI']
     """
-    check_count(harmonics, "harmonics", at_most=100)
     check_number(false_alarm, "false_alarm", above=0, at_most=1)
     series = damage_series(parts, harmonics)
     if not series:

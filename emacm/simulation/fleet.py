@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm._checks import check_choice, check_count, check_number
+from emacm._checks import check_choice, check_number
 from emacm.recordings.recording import Recording
 from emacm.simulation.impacts import Array, ball_passage, ringing
 
@@ -160,7 +160,6 @@ def simulate_fleet(
     >>> states.tolist()
     ['healthy', 'healthy', 'screw', 'screw', 'inner ring', 'inner ring']
     """
-    check_count(n_units, "n_units")
     low, high = (check_number(bound, "severity", at_least=0, at_most=1) for bound in severity)
     recordings = []
     for position, state in enumerate(STATES):
@@ -278,8 +277,7 @@ class WearLaw:
             If a parameter is invalid.
         """
         interval = check_number(interval, "interval", above=0, unit="h")
-        key = (check_count(unit, "unit", at_least=0), check_count(seed, "seed", at_least=0))
-        rng = np.random.default_rng([key[1], key[0], 7919])
+        rng = np.random.default_rng([seed, unit, 7919])
         onset = float(self.onset_scale * rng.weibull(self.onset_shape))
         drift = 0.0
         while drift < 0.2 * self.drift:
@@ -341,7 +339,6 @@ def run_to_failure_fleet(
     >>> recordings[0].meta["age"], recordings[0].meta["label"]
     (0.0, 'healthy')
     """
-    check_count(n_units, "n_units")
     law = WearLaw() if law is None else law
     recordings = []
     for unit in range(first_unit, first_unit + n_units):

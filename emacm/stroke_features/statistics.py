@@ -131,11 +131,6 @@ def common_slope(signals: Sequence[ArrayLike], turns: Sequence[ArrayLike]) -> fl
     float
         Least-squares slope [U per unit of `turns`].
 
-    Raises
-    ------
-    ValueError
-        If no section has samples at two different positions.
-
     Notes
     -----
     The least-squares solution of ``signal[i] = level[i] + slope * turns[i]`` is the sum of the
@@ -152,10 +147,6 @@ def common_slope(signals: Sequence[ArrayLike], turns: Sequence[ArrayLike]) -> fl
         centred = t - t.mean()
         products += float(centred @ (x - x.mean()))
         squares += float(centred @ centred)
-    if not squares > 0:
-        raise ValueError(
-            "a slope needs samples at two angles. Leave 'slope' out, or use longer strokes."
-        )
     return products / squares
 
 

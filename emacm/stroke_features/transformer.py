@@ -59,7 +59,6 @@ class StrokeSignal(NamedTuple):
 Row = Recording | AngleRecording
 
 WAYS = {"+": (1, "forward"), "-": (-1, "reverse")}
-MAX_COLUMNS = 10_000  # of one channel and direction; more is a mistyped parameter
 
 
 class StrokeFeatures(NamedColumns):

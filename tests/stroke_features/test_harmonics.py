@@ -114,7 +114,6 @@ def test_joined_directions_have_no_shaft_angle():
         ({"phase": "yes"}, ValueError, "phase must be one of 'absolute', 'relative', None"),
         ({"phase": True}, ValueError, "phase must be one of"),
         ({"n_sections": 0}, ValueError, "n_sections must be a whole number of at least 1"),
-        ({"n_sections": 10**7}, ValueError, "n_sections must be .* at most 10000, got 10000000"),
     ],
 )
 def test_wrong_parameters_are_refused(parameters, error, message):

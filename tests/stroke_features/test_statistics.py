@@ -184,8 +184,3 @@ def test_a_common_slope_is_the_least_squares_solution_with_levels_of_their_own()
     model = np.column_stack([np.concatenate(turns), levels])
     solution = np.linalg.lstsq(model, np.concatenate(x), rcond=None)[0]
     assert common_slope(x, turns) == pytest.approx(solution[0], rel=1e-10)
-
-
-def test_a_single_angle_has_no_slope():
-    with pytest.raises(ValueError, match="samples at two angles"):
-        common_slope([[1.0], [2.0]], [[0.0], [5.0]])
