@@ -1,4 +1,4 @@
-"""Envelope spectra of recordings with the lines of the faults of a machine, for `find_faults`."""
+"""Envelope spectra of recordings with the lines of faults, and those of healthy recordings."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from emacm.machine.plain_lines import PlainLines, measure_plain_lines
 from emacm.orders.bins import Band
 from emacm.orders.columns import column_names
 from emacm.orders.order_psd import OrderPSD
-from emacm.recordings.inputs import as_recordings, check_channel_names, described
+from emacm.recordings.inputs import as_recordings, check_channel_names, described, entry_name
 from emacm.recordings.recording import Recording
 
 
@@ -306,6 +306,65 @@ def measured_spectra(X: Any, levels: FaultLines) -> Iterator[Measured]:
     for number, recording in enumerate(as_recordings(X, "find_faults")):
         with located(partial(described, recording, number)):
             yield from _of_recording(number, recording, levels, series)
+
+
+class HealthyScores(NamedTuple):
+    """Highest score of each fault in healthy recordings, not below 0 dB, of one channel.
+
+    Attributes
+    ----------
+    fs : float
+        Sampling rate [Hz]; NaN for a table.
+    within_slip, other_speeds, in_bands : dict of str to float
+        Score at the stated speed, within the largest error of it, and at the stated speed in the
+        envelopes of bands without prewhitening [dB].
+    plain : list of PlainLines
+        Lines of the signals themselves.
+    """
+
+    fs: float
+    within_slip: dict[str, float]
+    other_speeds: dict[str, float]
+    in_bands: dict[str, float]
+    plain: list[PlainLines]
+
+
+def healthy_scores(
+    healthy: Any,
+    parts: Any,
+    *,
+    harmonics: int = 3,
+    slip: float = 0.02,
+    channels: Sequence[str] | None = None,
+) -> dict[str, HealthyScores]:
+    """Return the highest score of each fault in healthy recordings, not below 0 dB, by channel.
+
+    `find_faults` takes the result as `healthy`, so that many recordings can be judged one by one.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `find_faults`; also if the harmonics of the shaft show that a speed is wrong.
+    """
+    by_channel: dict[str, HealthyScores] = {}
+    levels = FaultLines(parts, harmonics=harmonics, slip=slip, channels=channels)
+    with located("healthy"):
+        for measured in measured_spectra(healthy, levels):
+            if measured.is_shifted:
+                name = entry_name(healthy, measured.number)
+                raise ValueError(f"{name}: {measured.speed_text(None)}")
+            nothing = HealthyScores(measured.fs, {}, {}, {}, [])
+            own = by_channel.setdefault(measured.channel, nothing)
+            if measured.plain is not None:
+                own.plain.append(measured.plain)
+            spectrum = measured.spectrum
+            for scores, faults in (
+                (own.within_slip, spectrum.faults()),
+                (own.other_speeds, spectrum.faults_at_other_speeds()),
+                *((own.in_bands, coarse.faults()) for _, coarse, _ in measured.bands()),
+            ):
+                scores |= {f.name: max(f.score, scores.get(f.name, 0.0)) for f in faults}
+    return by_channel
 
 
 def _of_recording(

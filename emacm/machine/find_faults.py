@@ -13,8 +13,13 @@ import pandas as pd
 from emacm._checks import check_number
 from emacm.machine.fault_lines import FaultLines
 from emacm.machine.fault_orders import Parts, damage_series
-from emacm.machine.fault_spectra import Fault, Measured, measured_spectra
-from emacm.machine.healthy_scores import HealthyScores, healthy_scores
+from emacm.machine.fault_spectra import (
+    Fault,
+    HealthyScores,
+    Measured,
+    healthy_scores,
+    measured_spectra,
+)
 from emacm.machine.plain_lines import missing_condition, rises
 from emacm.recordings.inputs import check_channel_names, entry_name
 
@@ -93,8 +98,7 @@ def find_faults(
     slip : float
         Largest deviation of rolling elements from the predicted orders, as a fraction.
     false_alarm : float
-        Probability that a fault is named in a row that contains only background. At
-        1, the fault with the highest score is always named, and no threshold applies.
+        Probability that a fault is named in a row that contains only background.
     channels : sequence of str, optional
         Channels, in this order. Default: all.
     healthy : list of Recording, or table, or result of `healthy_scores`, optional
@@ -244,7 +248,7 @@ def find_faults(
             _check_rate(X, measured, usual.fs)
         case = _Case(measured, usual, false_alarm, settings)
         # The first rule that answers decides.
-        rules = (_defect, _highest_score, _wrong_speed, _named, _periodic, _risen, _suspected)
+        rules = (_defect, _wrong_speed, _named, _periodic, _risen, _suspected)
         finding = next(filter(None, (rule(case) for rule in rules)))
         row = {"recording": measured.number, "channel": measured.channel}
         row |= {"named": finding.named, "suspected": finding.suspected}
@@ -385,13 +389,6 @@ def _defect(case: _Case) -> _Finding | None:
     if not case.measured.defect:
         return None
     return _Finding(NOT_ASSESSED, NONE, case.best, f"not assessed: {case.measured.defect}")
-
-
-def _highest_score(case: _Case) -> _Finding | None:
-    """Without a threshold, the fault with the highest score is named."""
-    if case.false_alarm < 1:
-        return None
-    return _Finding(case.best.name, NONE, case.best, _sentence(case.best, case.faults))
 
 
 def _wrong_speed(case: _Case) -> _Finding | None:

@@ -17,8 +17,8 @@ from emacm import (
     bearing_recipe,
     find_faults,
 )
+from emacm.machine.fault_spectra import healthy_scores
 from emacm.machine.find_faults import NamingSettings
-from emacm.machine.healthy_scores import healthy_scores
 
 FS = 12_000
 BEARING = Bearing(9, 7.94, 39.04)  # 6205
@@ -212,11 +212,6 @@ def test_machines_without_a_fault_are_rarely_named():
     assert (found["named"] != "none").sum() <= 1  # at a false alarm rate of 1 % or less
     assert found["explanation"].str.startswith("no fault: ").sum() >= 39
     assert np.abs(found[list(ORDERS)].to_numpy().mean(axis=0)).max() < 0.6  # background scores 0
-
-
-def test_without_a_threshold_the_highest_score_is_named():
-    found = find_faults([running(seed=3)], BEARING, false_alarm=1).iloc[0]
-    assert found["named"] == found[["BPFO", "BPFI", "BSF"]].astype(float).idxmax()
 
 
 def test_a_fault_below_the_limit_that_is_set_is_suspected():
