@@ -116,8 +116,7 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
         chosen = chosen_channels(self.channels, recordings[0].channels)
         self.bands_ = dict.fromkeys(chosen, check_bands(self.band))
         # The names of the channels do not depend on the band that a kurtogram selects.
-        named = for_each(partial(self._detected, select=False), recordings)
-        self.channels_ = named[0].channels
+        self.channels_ = for_each(partial(self._detected, select=False), recordings)[0].channels
         return self
 
     def transform(self, X: Any) -> list[Recording]:

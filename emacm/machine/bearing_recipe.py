@@ -87,19 +87,15 @@ def bearing_recipe(
     ['cepstralprewhitening', 'envelopedetector', 'orderresampler']
     """
     series = fault_series(parts, harmonics)
-    spectra = envelope_spectra(series, slip, revolutions, channels, min_speed, n_jobs)
+    spectra = envelope_spectra(series, slip, revolutions, channels)
+    spectra.set_params(orderresampler__min_speed=min_speed, orderpsd__n_jobs=n_jobs)
     lines = FaultLines(parts, harmonics=harmonics, slip=slip)
     last = [] if classifier is None else [("classifier", classifier)]
     return Pipeline([*spectra.steps, ("faultlines", lines), *last])
 
 
 def envelope_spectra(
-    series: Sequence[FaultSeries],
-    slip: float,
-    revolutions: float = 25,
-    channels: Sequence[str] | None = None,
-    min_speed: float = 0.0,
-    n_jobs: int | None = None,
+    series: Sequence[FaultSeries], slip: float, revolutions: float = 25, channels: Any = None
 ) -> Pipeline:
     """Return the steps of `bearing_recipe` to envelope spectra that hold some series of lines."""
     check_number(slip, "slip", at_least=0, below=0.2)
@@ -108,6 +104,6 @@ def envelope_spectra(
     return make_pipeline(
         CepstralPrewhitening(channels=channels),
         EnvelopeDetector("full", channels=channels, squared=False),
-        OrderResampler(2 * np.pi / (2.6 * top), min_speed=min_speed, channels=channels),
-        OrderPSD(revolutions, max_order=top, n_jobs=n_jobs),
+        OrderResampler(2 * np.pi / (2.6 * top), channels=channels),
+        OrderPSD(revolutions, max_order=top),
     )

@@ -200,9 +200,7 @@ def slip_ranges(
     (['BPFI'], array([5.94]), array([6.06]))
     """
     names, centres = named_orders(orders)
-    slips: Any = True
-    if isinstance(orders, pd.DataFrame):
-        slips = orders["slips"].to_numpy()
+    slips: Any = orders["slips"] if isinstance(orders, pd.DataFrame) else True
     half = np.maximum(np.where(slips, slip, 0.0) * centres, min_width / 2)
     return names, np.maximum(centres - half, 0.0), centres + half
 

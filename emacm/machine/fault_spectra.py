@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cache, lru_cache, partial
+from functools import lru_cache, partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -394,12 +394,9 @@ def _of_recording(
     for channel in by_length[0]:
         mean = float(np.mean(envelope[0].signals[channel]))
         spectrum, *finer = (spectra[channel][0]._replace(mean=mean) for spectra in by_length)
-        measured = Measured(number, channel, spectrum, finer, shift, rpm, recording.fs[channel])
-        yield measured._replace(
-            defect=_defect(recording, channel),
-            plain=plain[channel],
-            bands=cache(partial(_in_bands, recording, channel, series, slip)),
-        )
+        known = shift, rpm, recording.fs[channel], _defect(recording, channel), plain[channel]
+        bands = partial(_in_bands, recording, channel, series, slip)
+        yield Measured(number, channel, spectrum, finer, *known, bands)
 
 
 def _in_bands(

@@ -215,12 +215,11 @@ class PlanetaryGear(Part):
         modulations = [item for item in turning.items() if item[0] != "planet"]
         if "carrier" in turning and self.n_planets > 1:
             modulations.append(("planet pass", self.n_planets * speeds["carrier"]))
-        per_sun, per_ring = mesh / self.sun_teeth, mesh / self.ring_teeth
         return (
             Line("mesh", "mesh", mesh, tuple(modulations), of_damage=False),
-            Line("sun fault", "sun", self.n_planets * per_sun, of.get("sun", ())),
+            Line("sun fault", "sun", self.n_planets * mesh / self.sun_teeth, of.get("sun", ())),
             Line("planet fault", "planet", mesh / self._planet, of.get("carrier", ())),
-            Line("ring fault", "ring", self.n_planets * per_ring, of.get("ring", ())),
+            Line("ring fault", "ring", self.n_planets * mesh / self.ring_teeth, of.get("ring", ())),
             *(
                 Line(member, f"rotation of the {member}", order, of_damage=False)
                 for member, order in turning.items()

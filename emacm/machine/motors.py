@@ -194,7 +194,6 @@ class InductionMotor(Part):
         >>> round(InductionMotor.from_current(run, "phase", 2).slip, 4)
         0.04
         """
-        check_count(pole_pairs, "pole_pairs")
         check_channel_names(recording.channels, [channel])
         synchronous = pole_pairs * float(np.abs(recording.velocity).mean()) / (2 * np.pi)  # Hz
         signal, fs = np.asarray(recording.signals[channel], np.float64), recording.fs[channel]

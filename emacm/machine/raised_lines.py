@@ -132,15 +132,11 @@ def rise_above_bins(spectrum: LineSpectrum, bins: pd.DataFrame) -> tuple[Array, 
     rise, limit : ndarray of shape (n_orders,)
         As of `rise_above_spectra`; the rise is -inf outside of the bins.
     """
-    orders, psd, step = spectrum.orders, spectrum.psd, spectrum.step
+    at, psd, step = spectrum.orders[:, np.newaxis], spectrum.psd, spectrum.step
     low, high = (bins[name].to_numpy(np.float64) for name in ("low", "high"))
     own, healthy = (10 ** (bins[name].to_numpy() / 10) for name in ("level", "reference_level"))
-
-    def overlap(reach: float) -> NDArray[np.bool_]:
-        at = orders[:, np.newaxis]
-        return np.asarray((low <= at + reach) & (high >= at - reach))
-
-    at_line, touched = overlap(step / 2), overlap(1.5 * step)  # beyond is 1 % of a line
+    at_line = (low <= at + step / 2) & (high >= at - step / 2)
+    touched = (low <= at + 1.5 * step) & (high >= at - 1.5 * step)  # beyond is 1 % of a line
     around = (touched.astype(float) @ at_line.T > 0) @ psd
     above = _lobes(np.maximum(psd - psd / 10 ** (spectrum.heights / 10), 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -299,7 +299,7 @@ class WearLaw:
 def run_to_failure_fleet(
     n_units: int,
     *,
-    law: WearLaw | None = None,
+    law: WearLaw = WearLaw(),
     interval: float = 10.0,
     duration: float = 1.0,
     seed: int = 0,
@@ -312,7 +312,7 @@ def run_to_failure_fleet(
     n_units : int
         Number of units.
     law : WearLaw, optional
-        Law of the damage. Default: ``WearLaw()``: onset after 177 h on average, then 100 h.
+        Law of the damage. The default has the onset after 177 h on average, then 100 h.
     interval : float
         Time between two recordings [h].
     duration : float
@@ -339,7 +339,6 @@ def run_to_failure_fleet(
     >>> recordings[0].meta["age"], recordings[0].meta["label"]
     (0.0, 'healthy')
     """
-    law = WearLaw() if law is None else law
     recordings = []
     for unit in range(first_unit, first_unit + n_units):
         history = law.draw(unit, interval, seed=seed)

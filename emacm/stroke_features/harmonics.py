@@ -241,15 +241,13 @@ def harmonic_coefficients(
             f"order {chosen.max():g} is above the Nyquist order {density / 2:.4g} of "
             f"{density:.4g} samples per revolution. Choose lower orders."
         )
-    models, targets = [], []
+    parts = []
     for theta, x, travel in zip(angles, signals, travels, strict=True):
         waves = chosen[:, np.newaxis] * theta
         rows = np.column_stack([np.cos(waves).T, np.sin(waves).T, x])
-        left = _without_trend(rows, theta, np.sqrt(np.gradient(travel)))
-        models.append(left[:, :-1])
-        targets.append(left[:, -1])
-    model, target = np.concatenate(models), np.concatenate(targets)
-    solution, _, rank, _ = np.linalg.lstsq(model, target, rcond=1e-9)
+        parts.append(_without_trend(rows, theta, np.sqrt(np.gradient(travel))))
+    left = np.concatenate(parts)
+    solution, _, rank, _ = np.linalg.lstsq(left[:, :-1], left[:, -1], rcond=1e-9)
     if rank < len(solution):
         raise ValueError(
             f"{n_samples} samples over {turned:.4g} revolutions do not separate the orders "

@@ -145,7 +145,6 @@ class StrokeFeatures(NamedColumns):
             recording, the channel and the direction.
         """
         check_is_fitted(self)
-        self._check_parameters()
         rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
         self._check_rows(rows)
         features = for_each(self._row, rows, self.n_jobs)
