@@ -563,8 +563,7 @@ class FaultLines(OrderTableTransformer):
         check_channel_names([*blocks], self.channels_, "X")
         self.faults_ = tuple(fault.name for fault in series)
         self._levels = {}
-        for channel in self.channels_:
-            orders, columns = blocks[channel].orders, blocks[channel].columns
+        for channel, orders, columns in (blocks[name] for name in self.channels_):
             measure = LineLevels(orders, series, self.slip, self.background)
             self._levels[channel] = columns, measure
         self._columns_out = tuple(f"{c}@{fault}" for c in self.channels_ for fault in self.faults_)

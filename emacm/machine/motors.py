@@ -224,8 +224,6 @@ class InductionMotor(Part):
             Line("pole pass", "broken bar or end ring", poles[1]),
         ]
         if self.bars is not None:
-            modulations = (shaft, ("2xsupply", 2 * self.supply_order))
-            lines.append(
-                Line("bar pass", "rotor bars", float(self.bars), modulations, of_damage=False)
-            )
+            sides = shaft, ("2xsupply", 2 * self.supply_order)
+            lines.append(Line("bar pass", "rotor bars", float(self.bars), sides, of_damage=False))
         return tuple(lines)

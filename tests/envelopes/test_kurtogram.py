@@ -96,13 +96,6 @@ def test_the_band_is_that_of_the_largest_kurtosis_and_of_equal_ones_the_widest()
     assert found.band == (6, 10)
 
 
-def test_gain_changes_nothing():
-    signal = struck(2000, n_times=30_000) + 0.1 * noise(30_000)
-    one, other = kurtogram(signal, FS), kurtogram(-1e3 * signal, FS)
-    assert one.band == other.band
-    np.testing.assert_allclose(one.kurtosis[2], other.kurtosis[2], rtol=1e-9)
-
-
 def recording(frequency, n_times=200_000):
     signal = struck(frequency, n_times=n_times) + 0.2 * noise(n_times)
     return Recording({"sound": signal}, FS, velocity=np.full(len(signal), TURN * 5))

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal as filters
-from scipy.stats import kurtosis
 from sklearn.pipeline import make_pipeline
 
 from emacm import CepstralPrewhitening, EnvelopeDetector, OrderPSD, OrderResampler, Recording
@@ -39,14 +38,6 @@ def level(signal, low, high):
     """Mean power spectral density between two frequencies [dB]."""
     frequencies, psd = filters.welch(signal, FS, nperseg=1024)
     return 10 * np.log10(psd[(frequencies > low) & (frequencies < high)].mean())
-
-
-def impacts(period=313):
-    """Impacts that excite a resonance at 2.2 kHz."""
-    struck = np.zeros(N_TIMES)
-    struck[100::period] = 1.0
-    ring = np.exp(-np.arange(120) / 15) * np.sin(TURN * 2200 / FS * np.arange(120))
-    return np.convolve(struck, ring)[:N_TIMES]
 
 
 def recording(signal, fs=FS, **meta):
@@ -86,12 +77,6 @@ def test_gain_changes_nothing(gain, negative):
     np.testing.assert_allclose(prewhitened(factor * signal, FS), expected, atol=1e-6)
 
 
-def test_impacts_are_more_impulsive_than_beside_a_strong_tone():
-    signal = impacts() + 0.01 * noise() + 3 * np.sin(TURN * 97 * TIMES)
-    assert kurtosis(signal) < 0
-    assert kurtosis(prewhitened(signal, FS)) > 3
-
-
 def test_impacts_stay_where_they_were():
     signal = np.zeros(N_TIMES)
     signal[15_000] = 1.0  # an impulse has all frequencies alike already
@@ -122,11 +107,8 @@ def test_every_length_is_whitened(n_times):
 @pytest.mark.parametrize(
     "key",
     [
-        slice(None),
         slice(4000, 4100),
         slice(69_000, None),
-        slice(3, 70_000, 1007),
-        17,
     ],
     ids=str,
 )
@@ -176,7 +158,6 @@ def test_a_long_recording_is_never_held_as_a_whole():
 @pytest.mark.parametrize(
     ("options", "X", "error", "match"),
     [
-        ({}, [], ValueError, "X contains no recording"),
         ({}, [noise(5)], TypeError, "entry 0 of X .* CepstralPrewhitening, got a ndarray"),
         ({"channels": "sound"}, [recording(noise())], TypeError, r"such as \['sound'\]"),
         (

@@ -139,16 +139,6 @@ def test_the_balls_of_a_screw_roll_without_slip(ball, lead, angle):
     assert found["spin"] == pytest.approx(spin)
 
 
-@pytest.mark.parametrize(("driven", "ring"), [("screw", "inner"), ("nut", "outer")])
-def test_a_screw_without_lead_is_a_bearing(driven, ring):
-    screw = orders(BallScrew(9, 8, 39, 1e-7, 0.3, rotating=driven))
-    bearing = orders(Bearing(9, 8, 39, 0.3, rotating=ring))
-    pairs = {"nut race": "BPFO", "thread": "BPFI", "2xspin": "2xBSF", "orbit": "FTF"}
-    for name, twin in pairs.items():
-        assert screw[name] == pytest.approx(bearing[twin])
-    assert screw[driven] == 1
-
-
 def test_the_race_of_the_rotating_part_of_a_screw_is_modulated_and_the_other_is_not():
     geometry = (17, 3.175, 20, 5)
     screw = orders(BallScrew(*geometry, ratio=0.4), sidebands=1)

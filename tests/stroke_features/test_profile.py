@@ -70,19 +70,6 @@ UNEVEN = np.concatenate([[0.0], np.sort(RNG.uniform(size=30)), [1.0]])
 WALK = np.cumsum(RNG.normal(size=32))
 
 
-def test_a_constant_is_its_mean_and_nothing_else():
-    np.testing.assert_allclose(
-        cosine_coefficients(UNEVEN, np.full(32, 2.5), 5), [2.5, 0, 0, 0, 0], atol=1e-15
-    )
-
-
-def test_the_cosines_of_a_ramp_are_known():
-    k = np.arange(1, 9)
-    known = np.where(k % 2, -2 * np.sqrt(2) / (np.pi * k) ** 2, 0)
-    found = cosine_coefficients(UNEVEN, UNEVEN, 9)
-    np.testing.assert_allclose(found, [0.5, *known], atol=1e-15)
-
-
 @pytest.mark.parametrize("k", [0, 1, 2, 5])
 def test_coefficients_are_integrals_over_the_position(k):
     def integrand(p):
@@ -101,12 +88,6 @@ def test_the_squares_of_all_coefficients_add_up_to_the_mean_square():
     # Of broken lines, what is missing falls as the third power of their number.
     assert np.sum(found**2) == pytest.approx(mean_square, rel=1e-8)
     assert np.sum(found[:10] ** 2) < mean_square
-
-
-def test_samples_in_between_on_the_line_change_nothing():
-    more = np.sort(np.concatenate([UNEVEN, RNG.uniform(size=50)]))
-    found = cosine_coefficients(more, np.interp(more, UNEVEN, WALK), 6)
-    np.testing.assert_allclose(found, cosine_coefficients(UNEVEN, WALK, 6), atol=1e-13)
 
 
 def test_a_standstill_in_the_stroke_weighs_nothing():

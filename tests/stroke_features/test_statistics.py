@@ -171,11 +171,6 @@ def test_zeros_have_no_crest_factor():
         one(np.zeros(5), "crest_factor")
 
 
-def test_the_slope_of_a_ramp_is_its_slope_whatever_the_levels():
-    turns = [np.arange(10.0), np.array([3.0, 3.5, 7.0])]
-    assert common_slope([2 * turns[0] + 5, 2 * turns[1] - 100], turns) == pytest.approx(2)
-
-
 def test_a_common_slope_is_the_least_squares_solution_with_levels_of_their_own():
     rng = np.random.default_rng(4)
     x = [rng.normal(size=n) for n in (5, 8)]
