@@ -78,7 +78,7 @@ from emacm import (
     find_faults,
     kurtogram,
 )
-from emacm.machine.healthy_scores import healthy_scores
+from emacm.machine.fault_spectra import healthy_scores
 
 BEARINGS = {"DE12": Bearing(9, 7.94, 39.04), "FE": Bearing(8, 6.746, 28.499)}  # 6205, 6203
 MFPT = Bearing(8, 0.235, 1.245)

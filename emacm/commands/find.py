@@ -19,9 +19,8 @@ from emacm.files.drafts import contents_of, draft_layout
 from emacm.files.folder import RecordingFolder, open_recording, recording_files
 from emacm.files.layout import Layout
 from emacm.machine.fault_orders import fault_orders
-from emacm.machine.fault_spectra import longest_stroke
+from emacm.machine.fault_spectra import healthy_scores, longest_stroke
 from emacm.machine.find_faults import find_faults
-from emacm.machine.healthy_scores import healthy_scores
 from emacm.machine.rolling import bearing_of, designation_in, published_bearings
 from emacm.models.recipes import order_levels
 from emacm.recordings.names import printable

@@ -14,9 +14,9 @@ from emacm.displays import drawing as _drawing
 from emacm.displays import drawn_values as _tables
 from emacm.displays.drawing import Display
 from emacm.envelopes.kurtogram import Kurtogram, kurtogram
-from emacm.machine.bearing_recipe import bearing_recipe
+from emacm.machine.bearing_recipe import envelope_spectra
 from emacm.machine.fault_lines import LineLevels, resolved
-from emacm.machine.fault_orders import Parts, fault_series, only_damage
+from emacm.machine.fault_orders import Parts, damage_series
 from emacm.machine.fault_spectra import longest_stroke
 from emacm.orders.columns import column_names, parse_order_columns
 from emacm.recordings.recording import Recording
@@ -69,7 +69,7 @@ class FaultLinesDisplay(Display):
 
     def __post_init__(self) -> None:
         self.orders, self.spectrum = np.asarray(self.orders), np.asarray(self.spectrum)
-        series = fault_series(only_damage(self.parts), 3)
+        series = damage_series(self.parts, 3)
         known = [fault.name for fault in series]
         if not set(self.faults or ()) <= set(known):
             raise ValueError(
@@ -115,8 +115,8 @@ class FaultLinesDisplay(Display):
         """
         chosen = _tables.chosen_channels(recording, channel and [channel])[0]
         length = min(25, max(1, int(longest_stroke(recording))))  # as `find_faults`
-        recipe = bearing_recipe(only_damage(parts), channels=[chosen], revolutions=length)
-        table = recipe[:-1].fit_transform([recording])
+        spectra = envelope_spectra(damage_series(parts, 3), 0.02, length, [chosen])
+        table = spectra.fit_transform([recording])
         (block,) = parse_order_columns(column_names(table) or ()) or ()
         spectrum = np.asarray(table)[0, block.columns]
         return cls(block.orders, spectrum, parts, channel=chosen, **options).plot(ax=ax)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from emacm._checks import check_choice, check_number
 from emacm._statements import warn
-from emacm.envelopes.prewhitening import WhitenedBand, WhitenedSeries
+from emacm.envelopes.prewhitening import WhitenedSeries
 from emacm.recordings.recording import ComputedSeries
 from emacm.shaft.motion import BLOCK, Series, mirrored
 
@@ -190,8 +190,6 @@ class EnvelopeSeries(ComputedSeries):
     9.0
     """
 
-    _prepared = ("_taps", "_whitened")
-
     def __init__(self, signal: Series, fs: float, band: Band, *, squared: bool = True) -> None:
         super().__init__(signal)
         low, high = check_band(band, fs)
@@ -204,16 +202,13 @@ class EnvelopeSeries(ComputedSeries):
             )
         self._fs, self._band, self.squared = fs, (low, high), squared
         self.bandwidth = high - low
-        self._prepare()
-
-    def _prepare(self) -> None:
-        taps = analytic_filter(*self._band, self._fs)
+        taps = analytic_filter(low, high, fs)
         self._taps = taps.astype(np.result_type(self.dtype, np.complex64), copy=False)
-        self.reach = len(taps) // 2
+        self.reach = n_taps // 2
         # A prewhitened signal passes the filter while it is a spectrum.
-        self._whitened: WhitenedBand | None = None
-        if isinstance(self._signal, WhitenedSeries) and 2 * self.reach <= self._signal.fade:
-            self._whitened = WhitenedBand(self._signal, taps)
+        self._whitened: WhitenedSeries | None = None
+        if isinstance(signal, WhitenedSeries) and 2 * self.reach <= signal.fade:
+            self._whitened = WhitenedSeries(signal._signal, fs, taps)
 
     def __repr__(self) -> str:
         """Band and kind, of which digests are made."""
@@ -225,16 +220,14 @@ class EnvelopeSeries(ComputedSeries):
         at_once = max(BLOCK, 2 * len(self._taps))
         for first in range(start, stop, at_once):
             last = min(first + at_once, stop)
-            analytic = self._analytic(first, last)
+            if self._whitened is not None:
+                analytic: Any = self._whitened.read(first, last)
+            else:
+                near: Any = mirrored(self._signal, first - self.reach, last + self.reach)
+                analytic = scipy.signal.oaconvolve(near, self._taps, mode="valid")
             size = analytic.real**2 + analytic.imag**2 if self.squared else np.abs(analytic)
             values[first - start : last - start] = size
         return values
-
-    def _analytic(self, start: int, stop: int) -> NDArray[np.complexfloating]:
-        if self._whitened is not None:
-            return self._whitened.read(start, stop)
-        near: Any = mirrored(self._signal, start - self.reach, stop + self.reach)
-        return scipy.signal.oaconvolve(near, self._taps, mode="valid")
 
 
 def warn_of_long_filter(low: float, high: float, fs: float) -> None:

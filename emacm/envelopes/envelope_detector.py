@@ -8,7 +8,7 @@ from typing import Any
 
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_choice, located
+from emacm._checks import located
 from emacm.envelopes.envelope import EnvelopeSeries, check_bands, warn_of_long_filter
 from emacm.envelopes.kurtogram import kurtogram
 from emacm.recordings.inputs import RecordingTransformer, as_recordings, for_each
@@ -113,12 +113,10 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
             low for a band; the message names both.
         """
         recordings = as_recordings(X, "EnvelopeDetector")
-        check_choice(self.squared, "squared", (True, False))
         chosen = chosen_channels(self.channels, recordings[0].channels)
         self.bands_ = dict.fromkeys(chosen, check_bands(self.band))
         # The names of the channels do not depend on the band that a kurtogram selects.
-        named = for_each(partial(self._detected, select=False), recordings)
-        self.channels_ = named[0].channels
+        self.channels_ = for_each(partial(self._detected, select=False), recordings)[0].channels
         return self
 
     def transform(self, X: Any) -> list[Recording]:
@@ -147,7 +145,7 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
         check_channel_names(recording.channels, list(bands))
         for channel in [c for c, band in bands.items() if select and band == "kurtogram"]:
             with located(f"channel {channel!r}"):
-                bands[channel] = kurtogram(recording.series[channel], recording.fs[channel]).band
+                bands[channel] = kurtogram(recording.signals[channel], recording.fs[channel]).band
         return recording._derived(_envelope_content, bands, bool(self.squared))
 
 
@@ -158,12 +156,18 @@ def _envelope_content(
     found: dict[str, Series] = {}
     rates: dict[str, float] = {}
     for channel, signal in measured.series.items():
-        fs, signals = measured.fs[channel], {channel: signal}
-        if channel in bands:
-            with located(f"channel {channel!r}"):
-                signals = _envelopes(signal, fs, channel, bands[channel], squared)
-        found |= signals
-        rates |= dict.fromkeys(signals, fs)
+        fs, band = measured.fs[channel], bands.get(channel)
+        if band is None:
+            found[channel], rates[channel] = signal, fs
+            continue
+        if isinstance(band, str):
+            band = fs / 32, 15 * fs / 32  # the widest that has a short filter
+        with located(f"channel {channel!r}"):
+            edges = band if isinstance(band, list) else [band]
+            for name, (low, high) in zip(envelope_names(channel, band), edges, strict=True):
+                found[name] = EnvelopeSeries(signal, fs, (low, high), squared=squared)
+                rates[name] = fs
+                warn_of_long_filter(low, high, fs)
     return {"_series": found, "_fs": rates}
 
 
@@ -178,16 +182,3 @@ def envelope_names(channel: str, band: Any) -> list[str]:
     if not isinstance(band, list):
         return [channel]
     return [f"{channel}_{low:g}-{high:g}Hz" for low, high in band]
-
-
-def _envelopes(
-    signal: Series, fs: float, channel: str, band: Any, squared: bool
-) -> dict[str, Series]:
-    """Return the envelopes of a channel by name."""
-    found: dict[str, Series] = {}
-    widest = fs / 32, 15 * fs / 32  # that has a short filter
-    bands = band if isinstance(band, list) else [widest if isinstance(band, str) else band]
-    for name, (low, high) in zip(envelope_names(channel, band), bands, strict=True):
-        found[name] = EnvelopeSeries(signal, fs, (low, high), squared=squared)
-        warn_of_long_filter(low, high, fs)
-    return found

@@ -15,7 +15,7 @@ import scipy  # scipy.signal and scipy.fft are imported when they are used
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_count, check_number, check_signal
-from emacm.shaft.motion import BLOCK, LazySeries, Series
+from emacm.shaft.motion import BLOCK
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ class Kurtogram:
         return centre - half, centre + half
 
 
-def kurtogram(signal: ArrayLike | Series, fs: float) -> Kurtogram:
+def kurtogram(signal: ArrayLike, fs: float) -> Kurtogram:
     """Return the spectral kurtosis of bands of several widths [1]_.
 
     The bands are fs/8, fs/12, fs/16, fs/24, ... wide: as many widths as have 64 values in each
@@ -63,7 +63,7 @@ def kurtogram(signal: ArrayLike | Series, fs: float) -> Kurtogram:
     Parameters
     ----------
     signal : array-like of shape (n_times,)
-        Signal at uniform times, in any unit; it is read in blocks.
+        Signal at uniform times, in any unit.
     fs : float
         Its sampling rate [Hz].
 
@@ -103,9 +103,7 @@ def kurtogram(signal: ArrayLike | Series, fs: float) -> Kurtogram:
     True
     """
     fs = check_number(fs, "fs", above=0, unit="Hz")
-    values: Any = (
-        signal if isinstance(signal, LazySeries) else check_signal(np.asarray(signal), "signal")
-    )
+    values = check_signal(signal, "signal")
     n_taps = 8  # of the filter of a band, times the number of bands
     most, fewest = 9, 64  # levels; values of a band: of fewer, kurtosis is chance
     halves = [2 ** (k // 2) * (8, 12)[k % 2] for k in range(most)]

@@ -25,6 +25,11 @@ class WhitenedSeries(ComputedSeries):
         Finite; it may be a memory map.
     fs : float
         Its sampling rate [Hz].
+    taps : ndarray of shape (n_taps,), optional
+        A filter without delay of an analytic signal, which reaches no further than half of `fade`:
+        no end of a segment reaches its beginning. Each spectrum is multiplied by its gain before it
+        is transformed back: two transforms and not four. Where segments overlap, they fade after
+        the filter, not before it.
 
     Attributes
     ----------
@@ -32,23 +37,23 @@ class WhitenedSeries(ComputedSeries):
         Samples within which a segment fades over into the next one.
     """
 
-    _prepared = ("_kept", "_rise")
-    _gain: NDArray[np.floating] | None = None
-
-    def __init__(self, signal: Series, fs: float) -> None:
+    def __init__(
+        self, signal: Series, fs: float, taps: NDArray[np.complexfloating] | None = None
+    ) -> None:
         super().__init__(signal)
         self._fs = fs
-        self._prepare()
-
-    def _prepare(self) -> None:
-        """Cut the signal into segments; one begins every `_hop` samples, `fade` before that."""
-        self.fade, self._hop = _segments(len(self), self._fs)
-        self._n_segments = 1 + (len(self) - 1 + self.fade) // self._hop
-        # About so many samples are whitened at once, for few calls. A segment is always in the same
-        # group: parts of a signal are equal to those of the whole.
-        self._n_group = max(1, (1 << 15) // (self._hop + self.fade))
-        self._rise = _rise(self.fade, self._signal.dtype)
-        self._kept: dict[int, NDArray[np.inexact]] = {}
+        # One segment begins every `_hop` samples, `fade` before that.
+        self.fade, self._hop = _segments(len(self), fs)
+        # The taper before and after whitening: squares of two that overlap add up to one.
+        places = (np.arange(self.fade) + 0.5) / max(self.fade, 1)
+        self._rise = np.sin(np.pi / 2 * places).astype(self.dtype)
+        self._gain: NDArray[np.floating] | None = None
+        if taps is not None:
+            n_times = self._hop + self.fade
+            # Real, because the filter has no delay.
+            gain = scipy.fft.hfft(taps[len(taps) // 2 :], n_times)[: n_times // 2 + 1]
+            self._gain = gain.astype(self.dtype)
+            self.dtype = np.result_type(self.dtype, np.complex64)
 
     def __repr__(self) -> str:
         """Return class and sampling rate, of which digests are made."""
@@ -56,38 +61,20 @@ class WhitenedSeries(ComputedSeries):
 
     def read(self, start: int, stop: int) -> NDArray[Any]:
         """Return the whitened signal at samples `start` to `stop` (exclusive)."""
-        values = np.empty(stop - start, self.dtype)
-        first, last = start // self._hop, (stop - 1 + self.fade) // self._hop
-        for group in range(first // self._n_group, last // self._n_group + 1):
-            for number, row in enumerate(self._group(group), group * self._n_group):
-                begin = number * self._hop - self.fade - start
-                low, high = max(begin, 0), min(begin + len(row), len(values))
-                if low < high:
-                    new = min(max(begin + self.fade, 0), high)  # the segment before ends here
-                    values[low:new] += row[low - begin : new - begin]
-                    values[new:high] = row[new - begin : high - begin]
-        return values
-
-    def _group(self, group: int) -> NDArray[np.inexact]:
-        """Return a group of whitened segments; two are kept, as blocks are read one by one."""
-        kept = self._kept
-        if group not in kept:
-            fade, hop = self.fade, self._hop
-            first = group * self._n_group
-            count = min(self._n_group, self._n_segments - first)
-            begin = first * hop - fade
-            near = mirrored(self._signal, begin, begin + count * hop + fade)
-            segments = np.lib.stride_tricks.sliding_window_view(near, hop + fade)[::hop]
-            levels = segments.mean(axis=1, dtype=np.float64)
-            segments = segments - levels.astype(near.dtype)[:, np.newaxis]
-            # Without a taper, the cut ends of a strong tone would be impacts.
-            self._fade_ends(segments)
-            rms = np.sqrt(1 - fade / (hop + fade))
-            white = whiten(segments, levels, rms=rms, gain=self._gain)
-            self._fade_ends(white)
-            last = [item for item in kept.items() if abs(item[0] - group) == 1]
-            kept = self._kept = dict([*last[-1:], (group, white)])
-        return kept[group]
+        fade, hop = self.fade, self._hop
+        begin = start // hop * hop - fade
+        end = ((stop - 1 + fade) // hop + 1) * hop
+        near = mirrored(self._signal, begin, end)
+        segments = np.lib.stride_tricks.sliding_window_view(near, hop + fade)[::hop]
+        levels = segments.mean(axis=1, dtype=np.float64)
+        segments = segments - levels.astype(near.dtype)[:, np.newaxis]
+        # Without a taper, the cut ends of a strong tone would be impacts.
+        self._fade_ends(segments)
+        rms = np.sqrt(1 - fade / (hop + fade))
+        white: Any = whiten(segments, levels, rms=rms, gain=self._gain)
+        self._fade_ends(white)
+        white[1:, :fade] += white[:-1, hop:]
+        return white[:, :hop].ravel()[start - begin : stop - begin]
 
     def _fade_ends(self, segments: NDArray[Any]) -> None:
         """Let the ends of segments rise from 0 and fall to 0, in place."""
@@ -110,30 +97,6 @@ def _segments(n_times: int, fs: float) -> tuple[int, int]:
         hop = -(-(n_times + fade) // count)
         n_segment = 2 * scipy.fft.next_fast_len(-(-(hop + fade) // 2), real=True)
     return fade, n_segment - fade
-
-
-class WhitenedBand(WhitenedSeries):
-    """The analytic signal of a band of a prewhitened signal, filtered segment by segment.
-
-    Each spectrum is multiplied by the gain of the filter before it is transformed back: two
-    transforms and not four. Where segments overlap, they fade after the filter, not before it.
-
-    Parameters
-    ----------
-    whitened : WhitenedSeries
-        The prewhitened signal.
-    taps : ndarray of shape (n_taps,)
-        A filter without delay, which reaches no further than half of `fade`: no end of a segment
-        reaches its beginning.
-    """
-
-    def __init__(self, whitened: WhitenedSeries, taps: NDArray[np.complexfloating]) -> None:
-        super().__init__(whitened._signal, whitened._fs)
-        n_times = self._hop + self.fade
-        # Real, because the filter has no delay.
-        gain = scipy.fft.hfft(taps[len(taps) // 2 :], n_times)[: n_times // 2 + 1]
-        self._gain = gain.astype(self.dtype)
-        self.dtype = np.result_type(self.dtype, np.complex64)
 
 
 def whiten(
@@ -179,28 +142,20 @@ def whiten(
     >>> print(round(magnitude[100] / magnitude[37], 9))  # that of the tone beside another one
     1.0
     """
-    rows = np.atleast_2d(segments)
-    n_times = rows.shape[1]
-    lines = scipy.fft.rfft(rows)
-    lines[:, 0] = 0  # the mean is no vibration
+    n_times = segments.shape[-1]
+    lines = scipy.fft.rfft(segments)
+    lines[..., 0] = 0  # the mean is no vibration
     power = lines.real**2 + lines.imag**2
     # Rounding leaves some 8 times the resolution of the type beside the largest line.
     resolution = 8 * np.finfo(segments.dtype).eps
     largest = np.maximum(power.max(axis=-1), n_times * np.asarray(removed) ** 2)
-    power[power <= resolution**2 * largest[:, np.newaxis]] = np.inf
+    power[power <= resolution**2 * largest[..., np.newaxis]] = np.inf
     lines *= np.divide(rms, np.sqrt(power, out=power), out=power)
     if gain is None:
-        white = scipy.fft.irfft(lines, n_times, norm="ortho", overwrite_x=True)
-    else:
-        positive = np.zeros((len(rows), n_times), lines.dtype)
-        np.multiply(lines[:, :-1], gain[:-1], out=positive[:, : n_times // 2])
-        white = scipy.fft.ifft(positive, norm="ortho", overwrite_x=True)
-    return white.reshape(segments.shape)
-
-
-def _rise(fade: int, dtype: np.dtype[Any]) -> NDArray[np.floating]:
-    """Return the taper before and after whitening: squares of two that overlap add up to one."""
-    return np.sin(np.pi / 2 * (np.arange(fade) + 0.5) / max(fade, 1)).astype(dtype)
+        return scipy.fft.irfft(lines, n_times, norm="ortho", overwrite_x=True)
+    positive = np.zeros(segments.shape, lines.dtype)
+    positive[..., : n_times // 2] = lines[..., :-1] * gain[:-1]
+    return scipy.fft.ifft(positive, norm="ortho", overwrite_x=True)
 
 
 class CepstralPrewhitening(  # type: ignore[call-arg]

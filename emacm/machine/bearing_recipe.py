@@ -12,7 +12,7 @@ from emacm._checks import check_number
 from emacm.envelopes.envelope_detector import EnvelopeDetector
 from emacm.envelopes.prewhitening import CepstralPrewhitening
 from emacm.machine.fault_lines import FaultLines
-from emacm.machine.fault_orders import Parts, fault_series
+from emacm.machine.fault_orders import FaultSeries, Parts, fault_series
 from emacm.orders.order_psd import OrderPSD
 from emacm.resampling.order_resampler import OrderResampler
 
@@ -86,17 +86,24 @@ def bearing_recipe(
     >>> [name for name, _ in recipe.steps][:3]
     ['cepstralprewhitening', 'envelopedetector', 'orderresampler']
     """
-    check_number(revolutions, "revolutions", above=0)
+    series = fault_series(parts, harmonics)
+    spectra = envelope_spectra(series, slip, revolutions, channels)
+    spectra.set_params(orderresampler__min_speed=min_speed, orderpsd__n_jobs=n_jobs)
+    lines = FaultLines(parts, harmonics=harmonics, slip=slip)
+    last = [] if classifier is None else [("classifier", classifier)]
+    return Pipeline([*spectra.steps, ("faultlines", lines), *last])
+
+
+def envelope_spectra(
+    series: Sequence[FaultSeries], slip: float, revolutions: float = 25, channels: Any = None
+) -> Pipeline:
+    """Return the steps of `bearing_recipe` to envelope spectra that hold some series of lines."""
     check_number(slip, "slip", at_least=0, below=0.2)
-    highest = max(order for fault in fault_series(parts, harmonics) for order in fault.orders)
+    highest = max(order for fault in series for order in fault.orders)
     top = round(highest * (1 + slip), 1) + 0.5  # with the background of the last line
-    theta_s = 2 * np.pi / (2.6 * top)
-    recipe = make_pipeline(
+    return make_pipeline(
         CepstralPrewhitening(channels=channels),
         EnvelopeDetector("full", channels=channels, squared=False),
-        OrderResampler(theta_s, min_speed=min_speed, channels=channels),
-        OrderPSD(revolutions, max_order=top, n_jobs=n_jobs),
-        FaultLines(parts, harmonics=harmonics, slip=slip),
+        OrderResampler(2 * np.pi / (2.6 * top), channels=channels),
+        OrderPSD(revolutions, max_order=top),
     )
-    last = [] if classifier is None else [("classifier", classifier)]
-    return Pipeline(recipe.steps + last)

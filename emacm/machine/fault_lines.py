@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
+from scipy.stats import iqr
 
 from emacm._checks import check_number
 from emacm.findings.new_lines import line_heights
@@ -411,7 +412,8 @@ class LineLevels:
             The nearest of a grid of shapes; for an average of n independent segments, n.
         """
         shapes, spreads = _simulated_spreads(self._width)
-        spread = _spread(self.heights(psd))
+        # A few strong lines do not change the interquartile range.
+        spread = iqr(self.heights(psd), axis=-1)
         return shapes[np.argmin(np.abs(spread[:, np.newaxis] - spreads), axis=1)]
 
     def _background_levels(self, shape: float) -> Array:
@@ -448,13 +450,7 @@ def _simulated_spreads(width: int) -> tuple[Array, Array]:
     """Return Gamma shapes, and the spread of simulated heights for each of them."""
     rng, shapes = np.random.default_rng(20_111), np.geomspace(0.5, 2000, 120)
     psd = rng.standard_gamma(shapes[:, np.newaxis], (len(shapes), 40_000))
-    return shapes, _spread(line_heights(psd, width))
-
-
-def _spread(heights: Array) -> Array:
-    """Return the interquartile range of each row, which a few strong lines do not change."""
-    low, high = np.quantile(heights, [0.25, 0.75], axis=-1)
-    return high - low
+    return shapes, iqr(line_heights(psd, width), axis=-1)
 
 
 class FaultLines(OrderTableTransformer):
@@ -556,21 +552,20 @@ class FaultLines(OrderTableTransformer):
             coarse, or a parameter is invalid.
         """
         self._checked_table(X, reset=True)
-        blocks = parse_order_columns(column_names(X) or ())
-        if blocks is None:
+        blocks = {b.channel: b for b in parse_order_columns(column_names(X) or ()) or ()}
+        if not blocks:
             raise ValueError(
                 "FaultLines needs order spectra whose columns are named channel@order, as OrderPSD "
                 "returns them. Put FaultLines after OrderPSD, or pass a DataFrame with such names."
             )
         series = fault_series(self.parts, self.harmonics)
-        known = [block.channel for block in blocks]
-        self.channels_ = chosen_channels(self.channels, known)
-        check_channel_names(known, self.channels_, "X")
+        self.channels_ = chosen_channels(self.channels, [*blocks])
+        check_channel_names([*blocks], self.channels_, "X")
         self.faults_ = tuple(fault.name for fault in series)
         self._levels = {}
-        for block in (blocks[known.index(channel)] for channel in self.channels_):
-            measure = LineLevels(block.orders, series, self.slip, self.background)
-            self._levels[block.channel] = block.columns, measure
+        for channel, orders, columns in (blocks[name] for name in self.channels_):
+            measure = LineLevels(orders, series, self.slip, self.background)
+            self._levels[channel] = columns, measure
         self._columns_out = tuple(f"{c}@{fault}" for c in self.channels_ for fault in self.faults_)
         return self
 

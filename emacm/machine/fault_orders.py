@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, TypeAlias
 
@@ -19,7 +19,6 @@ from emacm.orders.bins import Band, round_edge
 
 Orders: TypeAlias = pd.DataFrame | pd.Series | Mapping[str, float]
 
-_MOTORS = (Motor, InductionMotor)
 _COLUMNS = ("name", "order", "part", "kind", "harmonic", "sideband", "slips")
 
 
@@ -60,10 +59,10 @@ def fault_orders(
     Raises
     ------
     TypeError
-        If a part is of another type.
+        If there is no part, or one is of another type.
     ValueError
-        If there is no part, two lines have the same name, an order is not positive, or "current"
-        is requested without exactly one motor.
+        If two lines have the same name, an order is not positive, or "current" is requested without
+        exactly one motor.
 
     See Also
     --------
@@ -97,16 +96,14 @@ def fault_orders(
     check_choice(signal, "signal", ("vibration", "current"))
     if max_order is not None:
         check_number(max_order, "max_order", above=0, unit="orders")
-    if len(parts) == 1 and isinstance(parts[0], (list, tuple)):
-        parts = (*parts[0],)
-    if not parts:
-        raise ValueError("fault_orders needs at least one part, such as Bearing(9, 7.94, 39.04).")
+    listed = _listed(parts[0] if len(parts) == 1 else parts)
     rows: list[tuple[Any, ...]] = []
-    for number, part in enumerate(parts):
+    for number, part in enumerate(listed):
         for prefix, owner, line in lines_of(part, number):
             rows += _rows(prefix, owner, line, harmonics, sidebands, signal)
     if signal == "current":
-        rows = list(_in_current(rows, [part for part in parts if isinstance(part, _MOTORS)]))
+        motors = [part for part in listed if isinstance(part, Motor | InductionMotor)]
+        rows = list(_in_current(rows, motors))
     check_distinct([row[0] for row in rows])
     table = pd.DataFrame(rows, columns=list(_COLUMNS)).set_index("name")
     return table if max_order is None else table[table["order"] <= max_order]
@@ -203,11 +200,7 @@ def slip_ranges(
     (['BPFI'], array([5.94]), array([6.06]))
     """
     names, centres = named_orders(orders)
-    slips: Any = True
-    if isinstance(orders, pd.DataFrame):
-        slips = orders["slips"].to_numpy()
-        if slips.dtype != bool:
-            raise TypeError(f"the column 'slips' must be boolean, got {slips.dtype}.")
+    slips: Any = orders["slips"] if isinstance(orders, pd.DataFrame) else True
     half = np.maximum(np.where(slips, slip, 0.0) * centres, min_width / 2)
     return names, np.maximum(centres - half, 0.0), centres + half
 
@@ -227,11 +220,6 @@ def named_orders(orders: Orders) -> tuple[list[str], np.ndarray]:
     (['BPFI'], array([6.123]))
     """
     if isinstance(orders, pd.DataFrame):
-        missing = [name for name in ("order", "slips") if name not in orders.columns]
-        if missing:
-            raise ValueError(
-                f"orders must be a table from fault_orders; it has no column {missing[0]!r}."
-            )
         orders = orders["order"]
     if not isinstance(orders, Mapping | pd.Series) or not len(orders):
         raise TypeError(
@@ -324,26 +312,10 @@ def check_distinct(names: Sequence[str]) -> None:
             )
 
 
-@dataclass(frozen=True)
-class _DamagedPart(Part):
-    """A part with only those lines that an undamaged one does not have."""
-
-    part: Part
-
-    @property
-    def name(self) -> str:  # type: ignore[override]
-        """Prefix of the names of its lines."""
-        return self.part.name
-
-    def lines(self) -> tuple[Line, ...]:
-        """Return the lines of damage."""
-        return tuple(line for line in self.part.lines() if line.of_damage)
-
-
 Parts = Sequence[Part | Mapping[str, float]] | Part | Mapping[str, float]
 
 
-def _listed(parts: Parts) -> Sequence[Part | Mapping[str, float]]:
+def _listed(parts: Any) -> Sequence[Part | Mapping[str, float]]:
     """Return a list of parts; raise a TypeError if there is none."""
     listed = [parts] if isinstance(parts, Part | Mapping) else parts
     if isinstance(listed, str) or not isinstance(listed, Sequence) or not listed:
@@ -354,39 +326,19 @@ def _listed(parts: Parts) -> Sequence[Part | Mapping[str, float]]:
     return listed
 
 
-def only_damage(parts: Parts) -> list[Part | Mapping[str, float]]:
-    """Return parts without the lines that undamaged ones have too.
-
-    Raises
-    ------
-    TypeError
-        If there is no part.
-
-    Examples
-    --------
-    >>> from emacm import Gear
-    >>> [line.name for line in only_damage(Gear(8, 42))[0].lines()]
-    ['pinion', 'wheel']
-    """
-    return [
-        part if isinstance(part, _DamagedPart) or not isinstance(part, Part) else _DamagedPart(part)
-        for part in _listed(parts)
-    ]
-
-
 def gears_and_orders(parts: Parts) -> tuple[list[Gear], dict[str, float]]:
     """Return the pairs of gears among parts, and the orders that mappings state, by name.
 
     Examples
     --------
     >>> from emacm import Gear
-    >>> gears_and_orders(only_damage([Gear(8, 42), {"fan": 7.0}]))[1]
+    >>> gears_and_orders([Gear(8, 42), {"fan": 7.0}])[1]
     {'fan': 7.0}
     """
-    whole = [part.part if isinstance(part, _DamagedPart) else part for part in _listed(parts)]
-    given = [part for part in whole if isinstance(part, Mapping)]
+    listed = _listed(parts)
+    given = [part for part in listed if isinstance(part, Mapping)]
     orders = {str(name): float(order) for part in given for name, order in part.items()}
-    return [part for part in whole if isinstance(part, Gear)], orders
+    return [part for part in listed if isinstance(part, Gear)], orders
 
 
 @dataclass(frozen=True)
@@ -407,6 +359,8 @@ class FaultSeries:
         Name and order of each modulation.
     strikes : int
         Strikes per period of the lowest order of the part; 2 for a ball, which meets both rings.
+    of_damage : bool
+        Whether an undamaged part has no such lines.
     """
 
     name: str
@@ -415,6 +369,11 @@ class FaultSeries:
     kind: str = ""
     sidebands: tuple[tuple[str, float], ...] = ()
     strikes: int = 1
+    of_damage: bool = True
+
+    def up_to(self, highest: float) -> FaultSeries:
+        """Return the series with its lines up to an order."""
+        return replace(self, orders=tuple(order for order in self.orders if order <= highest))
 
 
 def fault_series(parts: Parts, harmonics: int) -> tuple[FaultSeries, ...]:
@@ -456,7 +415,18 @@ def fault_series(parts: Parts, harmonics: int) -> tuple[FaultSeries, ...]:
             orders = line.strikes * np.arange(1, harmonics + 1) * line.order
             # Stated orders 1 and 2 are those of the shaft itself.
             slips = line.slips and not (line.kind == "given" and line.order in (1.0, 2.0))
-            more = slips, line.kind, line.sidebands, line.strikes
+            more = slips, line.kind, line.sidebands, line.strikes, line.of_damage
             found.append(FaultSeries(prefix + line.name, tuple(orders.tolist()), *more))
     check_distinct([fault.name for fault in found])
     return tuple(found)
+
+
+def damage_series(parts: Parts, harmonics: int) -> tuple[FaultSeries, ...]:
+    """Return the series of `fault_series` without the lines that undamaged parts have too.
+
+    Examples
+    --------
+    >>> [fault.name for fault in damage_series(Gear(8, 42), 1)]
+    ['pinion', 'wheel']
+    """
+    return tuple(fault for fault in fault_series(parts, harmonics) if fault.of_damage)

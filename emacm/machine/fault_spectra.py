@@ -1,10 +1,10 @@
-"""Envelope spectra of recordings with the lines of the faults of a machine, for `find_faults`."""
+"""Envelope spectra of recordings with the lines of faults, and those of healthy recordings."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cache, lru_cache, partial
+from functools import lru_cache, partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from emacm._checks import located
 from emacm.envelopes.envelope_detector import EnvelopeDetector
 from emacm.findings.quality import check_channel
-from emacm.machine.bearing_recipe import bearing_recipe
+from emacm.machine.bearing_recipe import envelope_spectra
 from emacm.machine.fault_lines import FaultLines, LineLevels, resolved
-from emacm.machine.fault_orders import FaultSeries, fault_series, gears_and_orders
+from emacm.machine.fault_orders import FaultSeries, damage_series, gears_and_orders
 from emacm.machine.plain_lines import PlainLines, measure_plain_lines
 from emacm.orders.bins import Band
 from emacm.orders.columns import column_names
 from emacm.orders.order_psd import OrderPSD
-from emacm.recordings.inputs import as_recordings, check_channel_names, described
+from emacm.recordings.inputs import as_recordings, check_channel_names, described, entry_name
 from emacm.recordings.recording import Recording
 
 
@@ -138,7 +138,7 @@ class Spectrum(NamedTuple):
         """
         orders, widest = self.lines.orders, max(0.1, self.lines.slip)
         top = orders[-2] / (1 + widest) - orders[1]
-        cut = [replace(s, orders=tuple(o for o in s.orders if o <= top)) for s in self.lines.series]
+        cut = [fault.up_to(top) for fault in self.lines.series]
         series = tuple(fault for fault in cut if len(fault.orders) > 1)
         if not series:
             return []
@@ -296,33 +296,95 @@ def measured_spectra(X: Any, levels: FaultLines) -> Iterator[Measured]:
     ------
     Measured
     """
+    series = damage_series(levels.parts, levels.harmonics)
     if column_names(X) is not None:
-        by_channel = _spectra(X, levels)
+        by_channel = _spectra(X, series, levels.slip, levels.channels)
         for number in range(len(np.asarray(X))):
             for channel, spectra in by_channel.items():
                 yield Measured(number, channel, spectra[number], [spectra[number]])
         return
     for number, recording in enumerate(as_recordings(X, "find_faults")):
         with located(partial(described, recording, number)):
-            yield from _of_recording(number, recording, levels)
+            yield from _of_recording(number, recording, levels, series)
 
 
-def _of_recording(number: int, stated: Recording, levels: FaultLines) -> Iterator[Measured]:
+class HealthyScores(NamedTuple):
+    """Highest score of each fault in healthy recordings, not below 0 dB, of one channel.
+
+    Attributes
+    ----------
+    fs : float
+        Sampling rate [Hz]; NaN for a table.
+    within_slip, other_speeds, in_bands : dict of str to float
+        Score at the stated speed, within the largest error of it, and at the stated speed in the
+        envelopes of bands without prewhitening [dB].
+    plain : list of PlainLines
+        Lines of the signals themselves.
+    """
+
+    fs: float
+    within_slip: dict[str, float]
+    other_speeds: dict[str, float]
+    in_bands: dict[str, float]
+    plain: list[PlainLines]
+
+
+def healthy_scores(
+    healthy: Any,
+    parts: Any,
+    *,
+    harmonics: int = 3,
+    slip: float = 0.02,
+    channels: Sequence[str] | None = None,
+) -> dict[str, HealthyScores]:
+    """Return the highest score of each fault in healthy recordings, not below 0 dB, by channel.
+
+    `find_faults` takes the result as `healthy`, so that many recordings can be judged one by one.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `find_faults`; also if the harmonics of the shaft show that a speed is wrong.
+    """
+    by_channel: dict[str, HealthyScores] = {}
+    levels = FaultLines(parts, harmonics=harmonics, slip=slip, channels=channels)
+    with located("healthy"):
+        for measured in measured_spectra(healthy, levels):
+            if measured.is_shifted:
+                name = entry_name(healthy, measured.number)
+                raise ValueError(f"{name}: {measured.speed_text(None)}")
+            nothing = HealthyScores(measured.fs, {}, {}, {}, [])
+            own = by_channel.setdefault(measured.channel, nothing)
+            if measured.plain is not None:
+                own.plain.append(measured.plain)
+            spectrum = measured.spectrum
+            for scores, faults in (
+                (own.within_slip, spectrum.faults()),
+                (own.other_speeds, spectrum.faults_at_other_speeds()),
+                *((own.in_bands, coarse.faults()) for _, coarse, _ in measured.bands()),
+            ):
+                scores |= {f.name: max(f.score, scores.get(f.name, 0.0)) for f in faults}
+    return by_channel
+
+
+def _of_recording(
+    number: int, stated: Recording, levels: FaultLines, series: Sequence[FaultSeries]
+) -> Iterator[Measured]:
     """Measure each channel of a recording, after a small error of its speed is corrected."""
-    options = {name: getattr(levels, name) for name in ("harmonics", "slip", "channels")}
-    recipe = bearing_recipe(levels.parts, **options)
-    prewhitening, detector, resampler, psd, _ = recipe.named_steps.values()
+    slip, channels = levels.slip, levels.channels
+    steps = envelope_spectra(series, slip, channels=channels).named_steps.values()
+    prewhitening, detector, resampler, psd = steps
     top = psd.max_order
-    _check_lines_are_inside(stated, top, levels.channels)
+    _check_lines_are_inside(stated, top, channels)
     vibration = resampler.fit_transform([stated])
     shift = _shift_of_shaft(_order_spectra(vibration, stated, 100, top), top, levels)
-    recording = _at_other_speed(stated, shift) if 0 < abs(shift) <= levels.slip else stated
+    recording = _at_other_speed(stated, shift) if 0 < abs(shift) <= slip else stated
     envelope = detector.fit_transform(prewhitening.fit_transform([recording]))
     over_angle = resampler.fit_transform(envelope)
     # Lines of several faults are told apart in longer segments: 100 revolutions separate more of
     # them; in 50, those that slip has widened are higher.
     by_length = [
-        _spectra(_order_spectra(over_angle, recording, revolutions, top), levels)
+        _spectra(_order_spectra(over_angle, recording, revolutions, top), series, slip, channels)
         for revolutions in (25, 100, 50)
     ]
     paths = recording.paths()
@@ -332,23 +394,19 @@ def _of_recording(number: int, stated: Recording, levels: FaultLines) -> Iterato
     for channel in by_length[0]:
         mean = float(np.mean(envelope[0].signals[channel]))
         spectrum, *finer = (spectra[channel][0]._replace(mean=mean) for spectra in by_length)
-        measured = Measured(number, channel, spectrum, finer, shift, rpm, recording.fs[channel])
-        yield measured._replace(
-            defect=_defect(recording, channel),
-            plain=plain[channel],
-            bands=cache(partial(_in_bands, recording, channel, levels)),
-        )
+        known = shift, rpm, recording.fs[channel], _defect(recording, channel), plain[channel]
+        bands = partial(_in_bands, recording, channel, series, slip)
+        yield Measured(number, channel, spectrum, finer, *known, bands)
 
 
 def _in_bands(
-    recording: Recording, channel: str, levels: FaultLines
+    recording: Recording, channel: str, series: Sequence[FaultSeries], slip: float
 ) -> list[tuple[Band, Spectrum, Spectrum]]:
     """Return bands, and the spectra of the envelope of a channel in each, without prewhitening.
 
     The bands are octaves, from 15/32 of the sampling rate down to one that just holds the lines.
     """
-    recipe = bearing_recipe(levels.parts, harmonics=levels.harmonics, slip=levels.slip)
-    _, _, resampler, psd, lines = recipe.named_steps.values()
+    _, _, resampler, psd = envelope_spectra(series, slip).named_steps.values()
     highest_line = psd.max_order * np.abs(recording.velocity).max() / (2 * np.pi)
     edges = [recording.fs[channel] * k / 32 for k in (15, 8, 4, 2, 1)]
     while edges[-1] / 2 >= highest_line:
@@ -358,7 +416,7 @@ def _in_bands(
     (envelope,) = detector.fit_transform([recording.select([channel])])
     over_angle = resampler.fit_transform([envelope])
     coarse, fine = (
-        _spectra(_order_spectra(over_angle, recording, length, psd.max_order), lines)
+        _spectra(_order_spectra(over_angle, recording, length, psd.max_order), series, slip)
         for length in (25, 100)
     )
     found = []
@@ -430,9 +488,9 @@ def _shift_of_shaft(table: Any, top: float, levels: FaultLines) -> float:
     multiples = (1 + shifts)[:, np.newaxis] / slower
     of_gear = (np.abs(multiples - np.rint(multiples)) * slower < 2 * rounded).any(axis=1)
     places = np.outer(1 + shifts, np.arange(1.0, n_lines + 1))
-    shaft = FaultLines({"shaft": 1.0}, harmonics=1, channels=levels.channels)
+    shaft = [FaultSeries("shaft", (1.0,), slips=False)]
     shown = []
-    for (spectrum,) in _spectra(table, shaft).values():
+    for (spectrum,) in _spectra(table, shaft, 0.0, levels.channels).values():
         heights = np.maximum(spectrum.lines.heights(spectrum.psd)[0], 0.0)
         lines = np.interp(places, spectrum.lines.orders, heights)
         means, highest, best = lines.mean(axis=1), -np.inf, 0
@@ -459,17 +517,18 @@ def _defect(recording: Recording, channel: str) -> str:
     return "" if defect is None else defect.text
 
 
-def _spectra(table: Any, levels: FaultLines) -> dict[str, list[Spectrum]]:
+def _spectra(
+    table: Any, series: Sequence[FaultSeries], slip: float, channels: Sequence[str] | None = None
+) -> dict[str, list[Spectrum]]:
     """Return the spectrum of each row of a table, by channel."""
-    series = fault_series(levels.parts, levels.harmonics)
     highest = max(series, key=lambda fault: fault.orders[0])
     lowest_line = {highest.name: highest.orders[0]}
     # FaultLines checks the table: its axis, its values, its channels.
-    checked = FaultLines(lowest_line, harmonics=1, channels=levels.channels).fit(table)
+    checked = FaultLines(lowest_line, harmonics=1, channels=channels).fit(table)
     psd, by_channel = np.asarray(table, np.float64), {}
     for channel, (columns, known) in checked._levels.items():
         orders = tuple(known.orders.tolist())
-        lines = _line_levels(orders, resolved(series, orders), levels.slip)
+        lines = _line_levels(orders, resolved(series, orders), slip)
         by_channel[channel] = [Spectrum(lines, row[np.newaxis, columns]) for row in psd]
     return by_channel
 

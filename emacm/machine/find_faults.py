@@ -10,11 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from emacm._checks import check_count, check_number
+from emacm._checks import check_number
 from emacm.machine.fault_lines import FaultLines
-from emacm.machine.fault_orders import Parts, fault_series, only_damage
-from emacm.machine.fault_spectra import Fault, Measured, measured_spectra
-from emacm.machine.healthy_scores import HealthyScores, healthy_scores
+from emacm.machine.fault_orders import Parts, damage_series
+from emacm.machine.fault_spectra import (
+    Fault,
+    HealthyScores,
+    Measured,
+    healthy_scores,
+    measured_spectra,
+)
 from emacm.machine.plain_lines import missing_condition, rises
 from emacm.recordings.inputs import check_channel_names, entry_name
 
@@ -86,15 +91,13 @@ def find_faults(
         for bearings those of the envelope.
     parts : part, or sequence of parts
         `Bearing`, `Gear` and so on, or mappings of fault names to orders. Lines that undamaged
-        parts have too, of the mesh, the shafts and the supply, are not looked for, but compared
-        with `healthy`.
+        parts have too, of mesh, shafts and supply, are only compared with `healthy`.
     harmonics : int
         Number of lines of each fault.
     slip : float
         Largest deviation of rolling elements from the predicted orders, as a fraction.
     false_alarm : float
-        Probability that a fault is named in a row that contains only background. At
-        1, the fault with the highest score is always named, and no threshold applies.
+        Probability that a fault is named in a row of background; at 1, the highest score is named.
     channels : sequence of str, optional
         Channels, in this order. Default: all.
     healthy : list of Recording, or table, or result of `healthy_scores`, optional
@@ -219,10 +222,8 @@ def find_faults(
     >>> find_faults([run], {"BPFI": 5.415, "BPFO": 3.585})["named"].tolist()
     ['BPFI']
     """
-    check_count(harmonics, "harmonics", at_most=100)
     check_number(false_alarm, "false_alarm", above=0, at_most=1)
-    parts = only_damage(parts)
-    series = fault_series(parts, harmonics)
+    series = damage_series(parts, harmonics)
     if not series:
         raise ValueError(
             "the parts have no lines of damage. Add a Bearing, BallScrew, Gear or PlanetaryGear, "
@@ -391,9 +392,8 @@ def _defect(case: _Case) -> _Finding | None:
 
 def _highest_score(case: _Case) -> _Finding | None:
     """Without a threshold, the fault with the highest score is named."""
-    if case.false_alarm < 1:
-        return None
-    return _Finding(case.best.name, NONE, case.best, _sentence(case.best, case.faults))
+    named = _Finding(case.best.name, NONE, case.best, _sentence(case.best, case.faults))
+    return named if case.false_alarm == 1 else None
 
 
 def _wrong_speed(case: _Case) -> _Finding | None:

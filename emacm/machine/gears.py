@@ -194,12 +194,11 @@ class PlanetaryGear(Part):
     def speeds(self) -> dict[str, float]:
         """Signed revolutions of sun, planet, ring and carrier per revolution of the motor shaft."""
         # Relative to the carrier, the speeds are as those of the teeth (Willis).
-        relative = {"sun": 1 / self.sun_teeth, "ring": -1 / self.ring_teeth, "carrier": 0.0}
-        absolute = {member: x - relative[self.fixed] for member, x in relative.items()}
-        absolute["planet"] = -1 / self._planet - relative[self.fixed]
-        scale = self.ratio / absolute[self._input]
-        order = ("sun", "planet", "ring", "carrier")
-        return {member: scale * absolute[member] for member in order}
+        relative = {"sun": 1 / self.sun_teeth, "planet": -1 / self._planet}
+        relative |= {"ring": -1 / self.ring_teeth, "carrier": 0.0}
+        at_rest = relative[self.fixed]
+        scale = self.ratio / (relative[self._input] - at_rest)
+        return {member: scale * (speed - at_rest) for member, speed in relative.items()}
 
     @property
     def output_ratio(self) -> float:
@@ -216,12 +215,11 @@ class PlanetaryGear(Part):
         modulations = [item for item in turning.items() if item[0] != "planet"]
         if "carrier" in turning and self.n_planets > 1:
             modulations.append(("planet pass", self.n_planets * speeds["carrier"]))
-        per_sun, per_ring = mesh / self.sun_teeth, mesh / self.ring_teeth
         return (
             Line("mesh", "mesh", mesh, tuple(modulations), of_damage=False),
-            Line("sun fault", "sun", self.n_planets * per_sun, of.get("sun", ())),
+            Line("sun fault", "sun", self.n_planets * mesh / self.sun_teeth, of.get("sun", ())),
             Line("planet fault", "planet", mesh / self._planet, of.get("carrier", ())),
-            Line("ring fault", "ring", self.n_planets * per_ring, of.get("ring", ())),
+            Line("ring fault", "ring", self.n_planets * mesh / self.ring_teeth, of.get("ring", ())),
             *(
                 Line(member, f"rotation of the {member}", order, of_damage=False)
                 for member, order in turning.items()

@@ -194,7 +194,6 @@ class InductionMotor(Part):
         >>> round(InductionMotor.from_current(run, "phase", 2).slip, 4)
         0.04
         """
-        check_count(pole_pairs, "pole_pairs")
         check_channel_names(recording.channels, [channel])
         synchronous = pole_pairs * float(np.abs(recording.velocity).mean()) / (2 * np.pi)  # Hz
         signal, fs = np.asarray(recording.signals[channel], np.float64), recording.fs[channel]
@@ -225,8 +224,6 @@ class InductionMotor(Part):
             Line("pole pass", "broken bar or end ring", poles[1]),
         ]
         if self.bars is not None:
-            modulations = (shaft, ("2xsupply", 2 * self.supply_order))
-            lines.append(
-                Line("bar pass", "rotor bars", float(self.bars), modulations, of_damage=False)
-            )
+            sides = shaft, ("2xsupply", 2 * self.supply_order)
+            lines.append(Line("bar pass", "rotor bars", float(self.bars), sides, of_damage=False))
         return tuple(lines)

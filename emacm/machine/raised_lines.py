@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from typing import Any, NamedTuple
@@ -132,15 +132,11 @@ def rise_above_bins(spectrum: LineSpectrum, bins: pd.DataFrame) -> tuple[Array, 
     rise, limit : ndarray of shape (n_orders,)
         As of `rise_above_spectra`; the rise is -inf outside of the bins.
     """
-    orders, psd, step = spectrum.orders, spectrum.psd, spectrum.step
+    at, psd, step = spectrum.orders[:, np.newaxis], spectrum.psd, spectrum.step
     low, high = (bins[name].to_numpy(np.float64) for name in ("low", "high"))
     own, healthy = (10 ** (bins[name].to_numpy() / 10) for name in ("level", "reference_level"))
-
-    def overlap(reach: float) -> NDArray[np.bool_]:
-        at = orders[:, np.newaxis]
-        return np.asarray((low <= at + reach) & (high >= at - reach))
-
-    at_line, touched = overlap(step / 2), overlap(1.5 * step)  # beyond is 1 % of a line
+    at_line = (low <= at + step / 2) & (high >= at - step / 2)
+    touched = (low <= at + 1.5 * step) & (high >= at - 1.5 * step)  # beyond is 1 % of a line
     around = (touched.astype(float) @ at_line.T > 0) @ psd
     above = _lobes(np.maximum(psd - psd / 10 ** (spectrum.heights / 10), 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -221,14 +217,11 @@ class PartLines:
 
     def __init__(self, spectrum: LineSpectrum, parts: Any, slip: float = 0.02) -> None:
         top = spectrum.orders[-2] / (1 + slip)
-        self.resolved = tuple(
-            replace(fault, orders=tuple(order for order in fault.orders if order <= top))
-            for fault in resolved(fault_series(parts, 3), spectrum.orders)
-            if fault.orders[0] <= top
-        )
+        cut = [fault.up_to(top) for fault in resolved(fault_series(parts, 3), spectrum.orders)]
+        self.resolved = tuple(fault for fault in cut if fault.orders)
         self.shown: set[str] = set()
         self._spectrum = spectrum
-        lines: list[tuple[int, float, bool, tuple[str, str]]] = []
+        lines: list[tuple[Any, ...]] = []
         if self.resolved:
             levels = spectrum.levels(self.resolved, slip)
             _, (shifts,), heights = levels.measure(spectrum.psd[np.newaxis].astype(np.float64))
@@ -241,12 +234,9 @@ class PartLines:
                     shift = spectrum.peaks_near(known * (1 + shift)) @ known / (known @ known) - 1
                 lines += self._lines_of(fault, 1 + float(shift))
         lines.sort(key=lambda line: line[0])  # of equally near lines the simplest
-        self._owners = [owner for *_, owner in lines]
-        self._lines = pd.DataFrame([line[1:3] for line in lines], columns=["order", "slips"])
+        self._lines = pd.DataFrame(lines, columns=["rank", "order", "slips", "owner"])
 
-    def _lines_of(
-        self, fault: FaultSeries, scale: float
-    ) -> Iterator[tuple[int, float, bool, tuple[str, str]]]:
+    def _lines_of(self, fault: FaultSeries, scale: float) -> Iterator[tuple[Any, ...]]:
         """Yield rank, order, slipping and name of the lines of a series with its slip."""
         spectrum = self._spectrum
         peaks = ndimage.maximum_filter1d(spectrum.heights, 3)
@@ -268,7 +258,7 @@ class PartLines:
         # Random slip broadens a line, the more the higher its order; the highest peak is anywhere.
         width = 3 * self._spectrum.step
         _, nearest = lines_within(orders, orders, self._lines, slip=0.003, min_width=width)
-        return [self._owners[place] if place >= 0 else ("", "") for place in nearest]
+        return [self._lines["owner"][place] if place >= 0 else ("", "") for place in nearest]
 
 
 def lines_within(

@@ -87,9 +87,8 @@ class Bearing(Part):
     def __post_init__(self) -> None:
         """Check the geometry."""
         check_count(self.n_balls, "n_balls", at_least=2)
-        _check_rolling(self)
         check_choice(self.rotating, "rotating", ("inner", "outer"))
-        _check_fit(self, self.n_balls)
+        _check_rolling(self, self.n_balls)
 
     def lines(self) -> tuple[Line, ...]:
         """Return the lines of both rings, the balls and the cage."""
@@ -168,20 +167,15 @@ class BallScrew(Part):
     def __post_init__(self) -> None:
         """Check the geometry."""
         check_number(self.balls_per_turn, "balls_per_turn", above=0)
-        _check_rolling(self)
-        check_number(self.lead, "lead", above=0, at_most=100 * self.pitch_diameter)
+        check_number(self.lead, "lead", above=0)
         check_choice(self.rotating, "rotating", ("screw", "nut"))
-        _check_fit(self, self.balls_per_turn, self._lead_angle)
-
-    @property
-    def _lead_angle(self) -> float:
-        return atan(self.lead / (pi * self.pitch_diameter))
+        _check_rolling(self, self.balls_per_turn, self.lead)
 
     def lines(self) -> tuple[Line, ...]:
         """Return the lines of screw, nut and balls."""
         kinds = {"nut race": "nut", "thread": "screw", "spin": "ball", "orbit": "balls"}
         turns, screw = (self.rotating, self.ratio), self.rotating == "screw"
-        lines = _rolling_lines(kinds, self, self.balls_per_turn, turns, screw, self._lead_angle)
+        lines = _rolling_lines(kinds, self, self.balls_per_turn, turns, screw, self.lead)
         shaft = Line(self.rotating, "shaft of the screw", self.ratio, of_damage=False)
         return (shaft, *lines)
 
@@ -192,10 +186,11 @@ def _rolling_lines(
     n_balls: float,
     turns: tuple[str, float],
     inner_rotates: bool,
-    lead_angle: float = 0.0,
+    lead: float = 0.0,
 ) -> tuple[Line, ...]:
     """Return the lines of outer and inner raceway, balls and cage; `kinds` states their names."""
-    (outer, inner, ball, cage), slope = kinds, cos(lead_angle)
+    outer, inner, ball, cage = kinds
+    slope = cos(atan(lead / (pi * part.pitch_diameter)))
     size = part.ball_diameter / part.pitch_diameter
     gamma = size * cos(part.contact_angle) * slope**2
     orbit = part.ratio * (1 - gamma if inner_rotates else 1 + gamma) / 2
@@ -210,8 +205,8 @@ def _rolling_lines(
     )
 
 
-def _check_rolling(part: Bearing | BallScrew) -> None:
-    """Check the geometry of the rolling elements."""
+def _check_rolling(part: Bearing | BallScrew, n_balls: float, lead: float = 0.0) -> None:
+    """Check the geometry of the rolling elements of one row, or one turn."""
     check_number(part.ball_diameter, "ball_diameter", above=0)
     check_number(part.pitch_diameter, "pitch_diameter", above=part.ball_diameter)
     angle = check_number(part.contact_angle, "contact_angle", at_least=0, unit="rad")
@@ -221,17 +216,13 @@ def _check_rolling(part: Bearing | BallScrew) -> None:
             f"If it is in degrees, write {radians(angle):.6g}."
         )
     check_mounting(part)
-
-
-def _check_fit(part: Bearing | BallScrew, n_balls: float, lead_angle: float = 0.0) -> None:
-    """Check that the balls fit in one row, or one turn, and fill a usual part of it."""
-    half_angle = asin(part.ball_diameter * cos(lead_angle) / part.pitch_diameter)
-    if n_balls * half_angle > pi * (1 + 1e-9):  # more than the whole circle
+    slope = cos(atan(lead / (pi * part.pitch_diameter)))
+    share = n_balls * asin(part.ball_diameter * slope / part.pitch_diameter) / pi  # of the circle
+    if share > 1 + 1e-9:
         raise ValueError(
             f"{n_balls:g} balls of diameter {part.ball_diameter:g} do not fit on a pitch circle of "
             f"diameter {part.pitch_diameter:g}. Give those of one row or turn, in one unit."
         )
-    share = n_balls * half_angle / pi
     if share < 0.3 and not part.few_balls:
         raise ValueError(
             f"{n_balls:g} balls of diameter {part.ball_diameter:g} fill {share:.0%} of a pitch "
@@ -313,18 +304,14 @@ def bearing_of(text: str) -> Bearing:
     True
     """
     known, name = published_bearings(), designation_in(text)
+    numbers = text.split(",") if name is None else known.loc[name].tolist()[:4]
     try:
-        if name is not None:
-            numbers = [float(known.at[name, column]) for column in known.columns[:4]]
-        else:
-            numbers = [float(number) for number in text.split(",")]
         n_balls, ball, pitch, *angle = numbers
-        (degrees_,) = angle or (0.0,)
-        if n_balls != int(n_balls):
-            raise ValueError
+        (in_degrees,) = angle or (0.0,)
+        geometry = int(n_balls), float(ball), float(pitch), radians(float(in_degrees))
     except ValueError:
         raise ValueError(
             f"the bearing must be one of {', '.join(known.index)}, or as in 9,7.94,39.04 (balls, "
             f"ball diameter, pitch diameter, and contact angle in degrees); got {text!r}."
         ) from None
-    return Bearing(int(n_balls), ball, pitch, radians(degrees_))
+    return Bearing(*geometry)

@@ -248,8 +248,6 @@ def vibration_severity(recording: Recording, machine_class: str) -> pd.DataFrame
              velocity zone
     bearing      22.1    D
     """
-    if not isinstance(recording, Recording):
-        raise TypeError(f"recording must be a Recording, got {type(recording).__name__}.")
     channels = [x for x in recording.channels if _is_acceleration(recording, x)]
     if not channels:
         raise ValueError(
@@ -335,8 +333,7 @@ def vibration_indicators(
         indicators[f"{channel}:velocity [mm/s]"] = velocity
         indicators[f"{channel}:displacement [um]"] = displacement
         if machine_class is not None:
-            zone = severity_zone(velocity, machine_class, displacement)
-            indicators[f"{channel}:zone"] = zone
+            indicators[f"{channel}:zone"] = severity_zone(velocity, machine_class, displacement)
     return indicators
 
 

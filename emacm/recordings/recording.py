@@ -461,8 +461,7 @@ class Arrays(UserDict[str, Any]):
 class ComputedSeries(LazySeries):
     """A signal computed from another one of the same length.
 
-    Subclasses implement `read`, `__repr__` (class and parameters, of which digests are made) and
-    `_prepare`, which sets what follows from the parameters; it is neither pickled nor compared.
+    Subclasses implement `read` and `__repr__` (class and parameters, of which digests are made).
 
     Parameters
     ----------
@@ -477,14 +476,10 @@ class ComputedSeries(LazySeries):
     """
 
     bandwidth = np.inf
-    _prepared: tuple[str, ...] = ()
 
     def __init__(self, signal: Series) -> None:
         super().__init__(len(signal), signal.dtype)
         self._signal = signal
-
-    def _prepare(self) -> None:
-        """Set the attributes named in `_prepared`."""
 
     @property
     def sources(self) -> list[NDArray[Any]]:
@@ -496,13 +491,8 @@ class ComputedSeries(LazySeries):
         inner = [self._signal] if isinstance(self._signal, ComputedSeries) else []
         return f"{type(self).__name__}({', '.join(map(repr, [*parameters, *inner]))})"
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Return all but what follows from the rest."""
-        return {name: value for name, value in vars(self).items() if name not in self._prepared}
-
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore the series, with the signal immutable."""
         vars(self).update(state)
         if isinstance(self._signal, np.ndarray):
             self._signal = immutable(self._signal)
-        self._prepare()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm._checks import check_choice, check_count, check_number
+from emacm._checks import check_choice, check_number
 from emacm.recordings.recording import Recording
 
 CHAPTER3_ORDERS: Mapping[str, float | None] = {"healthy": None, "defect 1": 3.125, "defect 2": 10.5}
@@ -73,8 +73,6 @@ def chapter3_recording(
     {'defect 1': (3.125,)}
     """
     check_choice(label, "label", tuple(defect_orders))
-    check_count(run, "run", at_least=0)
-    sigma = check_number(sigma, "sigma", at_least=0, unit="A")
     fs, mean_speed = 2000.0, 20 * np.pi  # Hz, rad/s
     times = np.arange(round(check_number(duration, "duration", above=0, unit="s") * fs)) / fs
     omega = 2 * np.pi * check_number(speed_frequency, "speed_frequency", above=0, unit="Hz")
@@ -90,12 +88,8 @@ def chapter3_recording(
     key = (zlib.crc32(label.encode()), run)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
     current += sigma * rng.standard_normal(len(times))  # Eq. (3.6)
-    meta = {
-        "label": label,
-        "run": run,
-        "severity": 0.0 if order is None else 1.0,
-        "orders": {} if order is None else {label: (order,)},
-    }
+    orders = {} if order is None else {label: (order,)}
+    meta = {"label": label, "run": run, "severity": float(len(orders)), "orders": orders}
     return Recording({"current": current}, fs, velocity=velocity, meta=meta)
 
 
@@ -132,7 +126,6 @@ def chapter3_recordings(
     >>> labels.tolist()
     ['healthy', 'healthy', 'defect 1', 'defect 1', 'defect 2', 'defect 2']
     """
-    check_count(n_runs, "n_runs")
     recordings = [
         chapter3_recording(label, run, defect_orders=defect_orders, **constants)
         for label in defect_orders

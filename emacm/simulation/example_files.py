@@ -106,10 +106,9 @@ def write_example(folder: Path) -> list[Path]:
     simulate_pump("healthy", rng).to_csv(folder / "run.csv", index=False)
     simulate_pump("inner", rng, duration=61).to_csv(folder / "live.csv", index=False)
     steady = partial(simulate_pump, rng=rng, fs=12_000, duration=4, constant=1797)
-    ends = [steady(state)["vibration [g]"] for state in ("inner", "healthy")]
-    signals = [end.to_numpy()[:, np.newaxis] for end in ends]
-    names = ("X105_DE_time", "X105_FE_time")
-    scipy.io.savemat(folder / "bearing.mat", dict(zip(names, signals, strict=True)))
+    ends = {"X105_DE_time": "inner", "X105_FE_time": "healthy"}
+    signals = {name: steady(state)[["vibration [g]"]].to_numpy() for name, state in ends.items()}
+    scipy.io.savemat(folder / "bearing.mat", signals)
     parts = ("n_balls", "ball_diameter", "pitch_diameter")
     lines = [f"{name} = {getattr(BEARING, name)}\n" for name in parts]
     (folder / "parts.toml").write_text("[[Bearing]]\n" + "".join(lines), encoding="utf-8")

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm._checks import check_choice, check_count, check_number
+from emacm._checks import check_choice, check_number
 from emacm.recordings.recording import Recording
 from emacm.simulation.impacts import Array, ball_passage, ringing
 
@@ -160,17 +160,12 @@ def simulate_fleet(
     >>> states.tolist()
     ['healthy', 'healthy', 'screw', 'screw', 'inner ring', 'inner ring']
     """
-    check_count(n_units, "n_units")
-    check_count(n_runs, "n_runs")
-    check_count(first_unit, "first_unit", at_least=0)
-    if not isinstance(severity, tuple) or len(severity) != 2:
-        raise TypeError(f"severity must be a pair such as (0.3, 0.7), got {severity!r}.")
     low, high = (check_number(bound, "severity", at_least=0, at_most=1) for bound in severity)
     recordings = []
     for position, state in enumerate(STATES):
         for number in range(first_unit, first_unit + n_units):
             rng = np.random.default_rng([seed, zlib.crc32(state.encode()), number])
-            size = rng.uniform(min(low, high), max(low, high))
+            size = rng.uniform(low, high)
             unit = 1_000_000 * position + number  # a range of numbers for each state
             recordings += [
                 simulate_actuator(state, severity=size, unit=unit, run=run, seed=seed)
@@ -282,8 +277,7 @@ class WearLaw:
             If a parameter is invalid.
         """
         interval = check_number(interval, "interval", above=0, unit="h")
-        key = (check_count(unit, "unit", at_least=0), check_count(seed, "seed", at_least=0))
-        rng = np.random.default_rng([key[1], key[0], 7919])
+        rng = np.random.default_rng([seed, unit, 7919])
         onset = float(self.onset_scale * rng.weibull(self.onset_shape))
         drift = 0.0
         while drift < 0.2 * self.drift:
@@ -305,7 +299,7 @@ class WearLaw:
 def run_to_failure_fleet(
     n_units: int,
     *,
-    law: WearLaw | None = None,
+    law: WearLaw = WearLaw(),
     interval: float = 10.0,
     duration: float = 1.0,
     seed: int = 0,
@@ -318,7 +312,7 @@ def run_to_failure_fleet(
     n_units : int
         Number of units.
     law : WearLaw, optional
-        Law of the damage. Default: ``WearLaw()``: onset after 177 h on average, then 100 h.
+        Law of the damage. The default has the onset after 177 h on average, then 100 h.
     interval : float
         Time between two recordings [h].
     duration : float
@@ -345,8 +339,6 @@ def run_to_failure_fleet(
     >>> recordings[0].meta["age"], recordings[0].meta["label"]
     (0.0, 'healthy')
     """
-    check_count(n_units, "n_units")
-    law = WearLaw() if law is None else law
     recordings = []
     for unit in range(first_unit, first_unit + n_units):
         history = law.draw(unit, interval, seed=seed)

@@ -11,7 +11,7 @@ from emacm._checks import check_choice, check_count, check_orders
 from emacm.orders.columns import number_name
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
-from emacm.stroke_features.transformer import MAX_COLUMNS, Row, StrokeFeatures, StrokeSignal
+from emacm.stroke_features.transformer import Row, Samples, StrokeFeatures, StrokeSignal
 
 Array = NDArray[np.float64]
 
@@ -126,7 +126,7 @@ class ShaftHarmonics(StrokeFeatures):
     def _check_own_parameters(self) -> None:
         orders = np.array(check_orders(self.orders))
         check_choice(self.phase, "phase", tuple(_COLUMNS))
-        check_count(self.n_sections, "n_sections", at_most=MAX_COLUMNS)
+        check_count(self.n_sections, "n_sections")
         multiples = orders / orders[0]
         whole = np.isclose(multiples, np.round(multiples), rtol=0, atol=1e-9)
         if self.phase == "relative" and not np.all(whole):
@@ -191,15 +191,15 @@ def _relative(lines: Array, orders: Array) -> Array:
 
 
 def harmonic_coefficients(
-    angles: Sequence[ArrayLike], signals: Sequence[ArrayLike], orders: ArrayLike
+    angles: Sequence[Samples], signals: Sequence[Samples], orders: ArrayLike
 ) -> Array:
     """Fit cosines and sines of the shaft angle to sections of a signal, by least squares.
 
     Parameters
     ----------
-    angles : sequence of array-like of shape (n_samples,)
+    angles : sequence of ndarray of shape (n_samples,)
         Shaft angle in each section [rad], rising or falling, evenly sampled or not.
-    signals : sequence of array-like of shape (n_samples,)
+    signals : sequence of ndarray of shape (n_samples,)
         Signal at these angles, in any unit U; sections may have different lengths.
     orders : array-like of shape (n_orders,)
         Orders, in cycles per revolution.
@@ -232,11 +232,7 @@ def harmonic_coefficients(
     [[2.0, -1.0], [1.0, -3.0]]
     """
     chosen = np.asarray(orders, dtype=np.float64)
-    sections = [
-        (np.asarray(angle, dtype=np.float64), np.asarray(signal, dtype=np.float64))
-        for angle, signal in zip(angles, signals, strict=True)
-    ]
-    travels = [np.maximum.accumulate(np.abs(theta - theta[0])) for theta, _ in sections]
+    travels = [np.maximum.accumulate(np.abs(theta - theta[0])) for theta in angles]
     turned = sum(travel[-1] for travel in travels) / (2 * np.pi)
     n_samples = sum(map(len, travels))
     density = (n_samples - len(travels)) / turned
@@ -245,15 +241,13 @@ def harmonic_coefficients(
             f"order {chosen.max():g} is above the Nyquist order {density / 2:.4g} of "
             f"{density:.4g} samples per revolution. Choose lower orders."
         )
-    models, targets = [], []
-    for (theta, x), travel in zip(sections, travels, strict=True):
+    parts = []
+    for theta, x, travel in zip(angles, signals, travels, strict=True):
         waves = chosen[:, np.newaxis] * theta
         rows = np.column_stack([np.cos(waves).T, np.sin(waves).T, x])
-        left = _without_trend(rows, theta, np.sqrt(np.gradient(travel)))
-        models.append(left[:, :-1])
-        targets.append(left[:, -1])
-    model, target = np.concatenate(models), np.concatenate(targets)
-    solution, _, rank, _ = np.linalg.lstsq(model, target, rcond=1e-9)
+        parts.append(_without_trend(rows, theta, np.sqrt(np.gradient(travel))))
+    left = np.concatenate(parts)
+    solution, _, rank, _ = np.linalg.lstsq(left[:, :-1], left[:, -1], rcond=1e-9)
     if rank < len(solution):
         raise ValueError(
             f"{n_samples} samples over {turned:.4g} revolutions do not separate the orders "
@@ -297,10 +291,8 @@ def whole_revolutions(travel: ArrayLike, section: int = 0, n_sections: int = 1) 
     return slice(int(first), int(last)) if last - first > 1 else None
 
 
-def _without_trend(rows: Array, theta: Array, weight: Array) -> Array:
+def _without_trend(rows: Array, theta: Samples, weight: Array) -> Array:
     """Weight columns, and remove a level and a trend from each of them."""
     trend = np.column_stack([np.ones_like(theta), theta - theta.mean()]) * weight[:, np.newaxis]
-    basis, size = np.linalg.qr(trend / (np.linalg.norm(trend, axis=0) + np.finfo(float).tiny))
-    basis = basis[:, np.abs(np.diag(size)) > 1e-9]
     weighted = rows * weight[:, np.newaxis]
-    return weighted - basis @ (basis.T @ weighted)
+    return weighted - trend @ np.linalg.lstsq(trend, weighted, rcond=1e-9)[0]

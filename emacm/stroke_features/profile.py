@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_count
-from emacm.stroke_features.transformer import MAX_COLUMNS, StrokeFeatures, StrokeSignal
+from emacm.stroke_features.transformer import StrokeFeatures, StrokeSignal
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ class StrokeProfile(StrokeFeatures):
     Parameters
     ----------
     n_coefficients : int
-        Number of coefficients for each channel and direction, at most 10000.
+        Number of coefficients for each channel and direction.
     channels : sequence of str, optional
         Channels to describe, in this order. Default: those of the first recording.
     by_direction : bool or "auto"
@@ -91,7 +91,7 @@ class StrokeProfile(StrokeFeatures):
         self.n_coefficients = n_coefficients
 
     def _check_own_parameters(self) -> None:
-        check_count(self.n_coefficients, "n_coefficients", at_most=MAX_COLUMNS)
+        check_count(self.n_coefficients, "n_coefficients")
 
     def _feature_names(self) -> list[str]:
         return [f"cosine{k}" for k in range(self.n_coefficients)]

@@ -98,13 +98,10 @@ class RecordingStatistics(StrokeFeatures):
         self.statistics = statistics
 
     def _check_own_parameters(self) -> None:
-        names = self.statistics
-        if isinstance(names, str) or not isinstance(names, Sequence | np.ndarray):
-            raise TypeError(f"statistics must be a list of names such as ['rms'], got {names!r}.")
-        for name in names:
+        for name in self.statistics:
             check_choice(name, "a statistic", (*STATISTICS, "slope"))
-        if not len(names) or len(set(names)) < len(names):
-            raise ValueError(f"statistics must contain each name once, got {list(names)}.")
+        if not 0 < len(set(self.statistics)) == len(self.statistics):
+            raise ValueError(f"statistics must contain each name once, got {self.statistics}.")
 
     def _feature_names(self) -> list[str]:
         return list(self.statistics)

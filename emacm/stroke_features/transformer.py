@@ -59,7 +59,6 @@ class StrokeSignal(NamedTuple):
 Row = Recording | AngleRecording
 
 WAYS = {"+": (1, "forward"), "-": (-1, "reverse")}
-MAX_COLUMNS = 10_000  # of one channel and direction; more is a mistyped parameter
 
 
 class StrokeFeatures(NamedColumns):
@@ -146,7 +145,6 @@ class StrokeFeatures(NamedColumns):
             recording, the channel and the direction.
         """
         check_is_fitted(self)
-        self._check_parameters()
         rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
         self._check_rows(rows)
         features = for_each(self._row, rows, self.n_jobs)

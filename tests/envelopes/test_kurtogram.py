@@ -14,7 +14,6 @@ from emacm import (
     spectral_kurtosis,
 )
 from emacm.envelopes.kurtogram import Kurtogram
-from emacm.envelopes.prewhitening import WhitenedSeries
 
 FS = 11_000.0
 TURN = 2 * np.pi
@@ -95,20 +94,6 @@ def test_the_band_is_that_of_the_largest_kurtosis_and_of_equal_ones_the_widest()
     assert found.band == (2, 4)
     found = Kurtogram((4.0, 2.0), centres, (np.array([0, 1, 3.0]), np.array([0, 3.0, 1, 0])))
     assert found.band == (6, 10)
-
-
-def test_gain_changes_nothing():
-    signal = struck(2000, n_times=30_000) + 0.1 * noise(30_000)
-    one, other = kurtogram(signal, FS), kurtogram(-1e3 * signal, FS)
-    assert one.band == other.band
-    np.testing.assert_allclose(one.kurtosis[2], other.kurtosis[2], rtol=1e-9)
-
-
-def test_a_signal_that_is_computed_when_read_has_the_kurtosis_of_the_whole():
-    signal = struck(2000, n_times=70_000) + 0.1 * noise(70_000)
-    series = WhitenedSeries(signal, FS)
-    one, other = kurtogram(series, FS), kurtogram(WhitenedSeries(signal, FS)[:], FS)
-    np.testing.assert_allclose(one.kurtosis[0], other.kurtosis[0], rtol=1e-9)
 
 
 def recording(frequency, n_times=200_000):

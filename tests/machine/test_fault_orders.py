@@ -4,7 +4,6 @@ from fractions import Fraction
 from math import atan, cos, pi, sin
 
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -140,16 +139,6 @@ def test_the_balls_of_a_screw_roll_without_slip(ball, lead, angle):
     assert found["spin"] == pytest.approx(spin)
 
 
-@pytest.mark.parametrize(("driven", "ring"), [("screw", "inner"), ("nut", "outer")])
-def test_a_screw_without_lead_is_a_bearing(driven, ring):
-    screw = orders(BallScrew(9, 8, 39, 1e-7, 0.3, rotating=driven))
-    bearing = orders(Bearing(9, 8, 39, 0.3, rotating=ring))
-    pairs = {"nut race": "BPFO", "thread": "BPFI", "2xspin": "2xBSF", "orbit": "FTF"}
-    for name, twin in pairs.items():
-        assert screw[name] == pytest.approx(bearing[twin])
-    assert screw[driven] == 1
-
-
 def test_the_race_of_the_rotating_part_of_a_screw_is_modulated_and_the_other_is_not():
     geometry = (17, 3.175, 20, 5)
     screw = orders(BallScrew(*geometry, ratio=0.4), sidebands=1)
@@ -242,15 +231,14 @@ def test_bands_that_overlap_are_refused_or_kept():
         (lambda: Bearing(9, 8.0, 39.0, 15), ValueError, "in degrees, write 0.261799"),
         (lambda: Bearing(9, 8.0, 39.0, name="a@b"), TypeError, "a string without '@'"),
         (lambda: BallScrew(30, 3.0, 20.0, 5.0), ValueError, "30 balls of diameter 3 do not fit"),
-        (lambda: fault_orders(harmonics=3), ValueError, "at least one part, such as Bearing"),
+        (lambda: fault_orders(harmonics=3), TypeError, "a list of at least one part; got"),
         (lambda: fault_orders(Motor(3), {}), TypeError, "part 1: orders must .* least one order"),
-        (lambda: fault_orders(6.123), TypeError, "part 0 must be a Bearing, BallScrew"),
+        (lambda: fault_orders(6.1, Motor(3)), TypeError, "part 0 must be a Bearing, BallScrew"),
         (lambda: fault_orders({"BPFI": -1.0}), ValueError, "the order of 'BPFI' must be a number"),
         (lambda: fault_orders({"BPFI": 6.1}, signal="current"), ValueError, "exactly one Motor"),
         (lambda: fault_orders(Gear(9, 20), Gear(9, 30)), ValueError, "two lines .* 'mesh'"),
         (lambda: order_bands(fault_orders(Motor(6))), ValueError, "no width, .* min_width"),
         (lambda: order_bands([6.1]), TypeError, "a table from fault_orders or a mapping"),
-        (lambda: order_bands(pd.DataFrame({"order": [1]})), ValueError, "no column 'slips'"),
         (lambda: order_bands({1: 2.0, "1": 3.0}), ValueError, "two lines have the name '1'"),
     ],
 )

@@ -17,8 +17,8 @@ from emacm import (
     bearing_recipe,
     find_faults,
 )
+from emacm.machine.fault_spectra import healthy_scores
 from emacm.machine.find_faults import NamingSettings
-from emacm.machine.healthy_scores import healthy_scores
 
 FS = 12_000
 BEARING = Bearing(9, 7.94, 39.04)  # 6205

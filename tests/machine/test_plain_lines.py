@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from emacm import Bearing, Gear, Recording, find_faults
-from emacm.machine.healthy_scores import healthy_scores
+from emacm.machine.fault_spectra import healthy_scores
 
 FS, TURN = 10_000, 2 * np.pi
 PAIR = Gear(23, 67)

@@ -81,7 +81,6 @@ def test_the_level_is_that_of_the_unit_in_all_its_runs():
     [
         (simulate_actuator, {"state": "worn"}, "state must be one of 'healthy'"),
         (simulate_fleet, {"severity": (0.5, 1.5)}, "severity must be .* at most 1, got 1.5"),
-        (simulate_fleet, {"severity": 0.5}, "severity must be a pair .*, got 0.5"),
         (run_to_failure_fleet, {"interval": 0.0}, "interval must be a number of h, above 0"),
         (WearLaw, {"start": 1.0}, "start must be"),
     ],
