@@ -22,17 +22,9 @@ def bin_blocks(columns: Sequence[Any]) -> list[BinBlock]:
     return list(parse_bin_columns(names) or one)
 
 
-def has_order_axis(block: BinBlock) -> bool:
-    """Return whether bins are drawn over the order: they have edges and do not overlap."""
-    if block.bands is None:
-        return False
-    low, high = block.bands[np.lexsort(block.bands.T[::-1])].T
-    return bool(np.all(high[:-1] <= low[1:] + 1e-9 * high[:-1]))
-
-
 def bin_places(block: BinBlock) -> NDArray[np.floating]:
-    """Return start and end of each bin on the x axis, shape (n_bins, 2)."""
-    if block.bands is not None and has_order_axis(block):
+    """Return start and end of each bin on the x axis, shape (n_bins, 2): orders, or numbers."""
+    if block.bands is not None:
         return block.bands
     centres = np.arange(len(block.names))[:, np.newaxis]
     return centres + np.array([-0.4, 0.4])  # names are 1 apart
@@ -48,18 +40,16 @@ def bin_frame(blocks: Sequence[BinBlock], values: dict[str, NDArray[np.floating]
 
 def bin_panels(ax: Any, blocks: Sequence[BinBlock]) -> NDArray[np.object_]:
     """Return one Axes for each block, with limits and names along x."""
-    same_bins = len({() if has_order_axis(block) else block.names for block in blocks}) == 1
-    axes = drawing.panel_axes(ax, len(blocks), shared="x" if same_bins else "")
-    over_order = [block for block in blocks if has_order_axis(block)]
-    edges = np.concatenate([bin_places(block) for block in over_order or blocks])
+    bands = [block.bands for block in blocks if block.bands is not None]
+    over_order = len(bands) == len(blocks)
+    axes = drawing.panel_axes(ax, len(blocks), share_x=over_order)
     for panel, block in zip(axes, blocks, strict=True):
-        if has_order_axis(block):
-            panel.set_xlim(edges.min(), edges.max())
-        else:
+        if block.bands is None:
             name_bins(panel, block.names)
-    label = drawing.ORDER_LABEL
-    named = "order bin" if any(block.bands is None for block in blocks) else f"bin, {label}"
-    drawing.label_x(axes, label if len(over_order) == len(blocks) else named)
+        else:
+            edges = np.concatenate(bands)
+            panel.set_xlim(edges.min(), edges.max())
+    drawing.label_x(axes, drawing.ORDER_LABEL if over_order else "order bin")
     return axes
 
 
@@ -106,6 +96,6 @@ def mark_panels(
     heights = [
         drawing.mark_orders(panel, lines, named=i == 0)
         for i, (panel, block) in enumerate(zip(axes, blocks, strict=True))
-        if has_order_axis(block)
+        if block.bands is not None
     ]
     return max(heights, default=0.0)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import InitVar, dataclass, field
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from emacm.displays import bars, drawing, drawn_values
@@ -106,8 +105,7 @@ class ContributionsDisplay(OrderDisplay):
                 low, high = bars.bin_places(block)[shown].T
                 style = {"color": drawing.tint(colour, 0.6), "edgecolor": "black", "hatch": hatch}
                 panel.bar(low, values[shown], high - low, align="edge", linewidth=0.5, **style)
-                anywhere = np.any((self.contributions < 0) == (word == "against"))
-                if panel is axes[0] and anywhere:
+                if panel is axes[0]:
                     label = drawing.wrapped(f"evidence {word} {self.decision}")
                     panel.fill_between([], [], label=label, linewidth=0.5, **style)
             panel.axhline(0, color="black", linewidth=0.6)

@@ -81,7 +81,7 @@ def wrapped(label: Any) -> str:
 
 
 def panel_axes(
-    ax: Any, n_panels: int = 1, *, height: float = 1.7, shared: str = "x"
+    ax: Any, n_panels: int = 1, *, height: float = 1.7, share_x: bool = True
 ) -> NDArray[np.object_]:
     """Return one Axes for each panel: the given ones, or those of a new figure, in one column.
 
@@ -93,8 +93,8 @@ def panel_axes(
         Number of Axes needed.
     height : float
         Height of each panel of a new figure [inches].
-    shared : {"", "x", "xy"}
-        Axes that the panels of a new figure share.
+    share_x : bool
+        Whether the panels of a new figure share their x axis.
 
     Returns
     -------
@@ -109,9 +109,8 @@ def panel_axes(
     """
     if ax is None:
         size = (WIDTH, max(3.2, 1.0 + height * n_panels))
-        options = {"sharex": "x" in shared, "sharey": "y" in shared, "squeeze": False}
         figure = pyplot().figure(figsize=size, layout="constrained")
-        return figure.subplots(n_panels, **options).reshape(-1)
+        return figure.subplots(n_panels, sharex=share_x, squeeze=False).reshape(-1)
     given = np.asarray(ax, dtype=object).reshape(-1)
     if len(given) != n_panels:
         raise ValueError(

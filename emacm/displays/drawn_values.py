@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.utils import check_consistent_length
 
 from emacm._checks import check_number
@@ -136,12 +135,6 @@ def envelopes_in(recording: Recording) -> dict[str, str]:
     }
 
 
-def units_in(X: Any) -> dict[str, str]:
-    """Return the units of the channels of the first recording; none for other input."""
-    first = X[0] if isinstance(X, Sequence) and len(X) else None
-    return dict(first.units) if isinstance(first, Recording) else {}
-
-
 def quantity_of(
     quantity: str, channel: str, units: str | Mapping[str, str], envelopes: Mapping[str, str]
 ) -> tuple[str, str]:
@@ -201,23 +194,6 @@ def means_by_label(
     check_consistent_length(table, groups)
     means = pd.DataFrame(table).groupby(groups, dropna=False).mean()
     return dict(zip(means.index.map(str), means.to_numpy(), strict=True))
-
-
-def pipeline_to(estimator: Any, kind: type) -> Pipeline:
-    """Return the steps of a fitted pipeline up to the last one of a kind.
-
-    Raises
-    ------
-    ValueError
-        If there is no such step.
-    """
-    pipeline = estimator if isinstance(estimator, Pipeline) else make_pipeline(estimator)
-    places = [number for number, step in enumerate(pipeline, 1) if isinstance(step, kind)]
-    if not places:
-        raise ValueError(
-            f"estimator must be or contain {kind.__name__}; its steps are {[*pipeline]}."
-        )
-    return pipeline[: places[-1]]
 
 
 @dataclass(eq=False, repr=False, kw_only=True)

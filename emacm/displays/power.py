@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from emacm.decisions.pipelines import parts_with_input
 from emacm.displays import bars, drawing, drawn_values
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.bins import check_stop_bands
@@ -81,9 +82,9 @@ class PowerDisplay(drawn_values.OrderDisplay):
 
         Parameters
         ----------
-        estimator : OrderPSD, BinTransformer, or Pipeline with such a step
-            Fitted. Steps after the one that is drawn are not used. Envelope channels, `scaling`
-            and `stop_bands` are taken from the steps, units from the first recording.
+        estimator : OrderPSD, BinTransformer, or Pipeline or search with such a step
+            Fitted. Steps after the first one that is drawn are not used. Envelope channels,
+            `scaling` and `stop_bands` are taken from the steps, units from the first recording.
         X : list of Recording
             Recordings, or the input of the first step.
         channel : str or sequence of str, optional
@@ -100,12 +101,14 @@ class PowerDisplay(drawn_values.OrderDisplay):
         TypeError, ValueError
             If the pipeline has no such step, and as for `from_table`.
         """
-        pipeline = drawn_values.pipeline_to(estimator, cls._step)
-        step, values = pipeline[-1], np.asarray(pipeline.transform(X))
+        step, own = next(parts_with_input(estimator, X, cls._step), (None, None))
+        if step is None:
+            raise ValueError(f"estimator must be or contain {cls._step.__name__}; got {estimator}.")
+        values = np.asarray(step.transform(own))
         table = pd.DataFrame(values, columns=step.get_feature_names_out())
         known = {option: getattr(step, option) for option in cls._from_step}
         known["envelopes"] = drawn_values.envelopes_of(estimator)
-        known["unit"] = drawn_values.units_in(X) or "unit"
+        known["unit"] = getattr(next(iter(X), None), "units", None) or "unit"
         return cls.from_table(table, channel, **(known | options))
 
     def _label_power(self, panel: Any, channel: str, quantity: str, per: str = "") -> None:
@@ -236,7 +239,7 @@ class OrderSpectrumDisplay(PowerDisplay):
 class OrderBinsDisplay(PowerDisplay):
     """Power in order bins, a stepped line for each group of recordings, a panel for each channel.
 
-    Bins that overlap are drawn side by side, under their names.
+    Bins without edges in their names, ``channel@name``, are drawn side by side.
 
     Parameters
     ----------
@@ -308,7 +311,7 @@ class OrderBinsDisplay(PowerDisplay):
                 levels = drawing.decibels(self.powers[label][block.columns])
                 alone = {"linestyle": "-"} if len(self.powers) == 1 else {}
                 bars.draw_steps(panel, bars.bin_places(block), levels, label, number, **alone)
-            if bars.has_order_axis(block):
+            if block.bands is not None:
                 bars.draw_stop_bands(panel, self.stop_bands)  # last in the legend
             self._label_power(panel, block.channel, "power")
         drawing.legend_above(axes[0], gap=bars.mark_panels(axes, self.blocks, self.fault_orders))
