@@ -78,29 +78,26 @@ def recording_quality(row: Any) -> Quality:
 
 def _quality(over_angle: Any) -> Quality:
     recording, names, ratio = over_angle.measured, over_angle.channels, over_angle.ratio
-    velocity, low = recording.velocity, over_angle.min_speed
+    speed = np.abs(recording.velocity)
     # What "travel" joins is judged stroke by stroke.
     joined = over_angle.direction == "travel"
     paths = (replace(over_angle, direction="strokes") if joined else over_angle).paths
     spans = [path.span for path in paths]
-    ranges = [speed_range(velocity[start:stop]) for start, stop in spans]
     turned = [path.length / (2 * np.pi) for path in paths]
-    slowest_speed = min((least for least, _ in ranges), default=0.0)
-    fastest = ratio * max((most for _, most in ranges), default=0.0)
+    slowest_speed = min((float(speed[start:stop].min()) for start, stop in spans), default=0.0)
+    fastest = ratio * max((float(speed[start:stop].max()) for start, stop in spans), default=0.0)
     limits = {name: _highest_frequency(recording, name) for name in names}
     slowest = min(names, key=limits.__getitem__)
-    always = spans == [(0, len(velocity))] and slowest_speed > low
-    standing = 0.0 if always else float(np.mean(np.abs(velocity) <= low))
     row: dict[str, float] = {
         "revolutions": float(sum(turned)),
         "strokes": len(paths),
         "longest_stroke": float(max(turned, default=0.0)),
-        "standing": standing,
+        "standing": float(np.mean(speed <= over_angle.min_speed)),
         "slowest": ratio * slowest_speed,
         "fastest": fastest,
         "max_order": limits[slowest] / (fastest / (2 * np.pi)) if fastest else np.inf,
     }
-    parts = [(start / len(velocity), stop / len(velocity)) for start, stop in spans]
+    parts = [(start / len(speed), stop / len(speed)) for start, stop in spans]
     checks = {name: check_channel(recording.series[name], name, parts) for name in names}
     n_short = sum(length < 1 for length in turned)
     defects = [*_motion_defects(over_angle, row, slowest, n_short)]
@@ -110,19 +107,6 @@ def _quality(over_angle: Any) -> Quality:
     units = {name: unit for name, unit in recording.units.items() if name in names}
     has_jump = recording.jump is not None
     return Quality(row, rates, levels, units, tuple(defects), has_jump, forward_share(paths))
-
-
-def speed_range(velocity: NDArray[np.floating]) -> tuple[float, float]:
-    """Return the lowest and the highest speed of velocities in either direction.
-
-    Examples
-    --------
-    >>> speed_range(np.array([-3.0, -2.0])), speed_range(np.array([-3.0, 1.0]))
-    ((2.0, 3.0), (1.0, 3.0))
-    """
-    low, high = float(velocity.min()), float(velocity.max())
-    lowest = float(np.abs(velocity).min()) if low < 0 < high else min(abs(low), abs(high))
-    return lowest, max(-low, high)
 
 
 def forward_share(paths: Sequence[ShaftPath]) -> float:
