@@ -52,7 +52,7 @@ def test_without_times_the_order_of_the_rows_is_that_of_time():
 
 def test_units_are_separate_and_recordings_count_as_results_of_each_other():
     pages = [Page(str(k), d, "fault") for k, d in enumerate(["ok", "worn", "worn", "worn"])]
-    pages.append(Page("4", "no decision", "error"))
+    pages.append(Page("4", "no decision", "undecided"))
     times = ["2024-05-01", "2024-05-03 22:10", "2024-05-04", "2024-05-02", "2024-05-05"]
     add_since(pages, None, ["A", "A", "A", "B", "A"], times)
     assert pages[0].since == "No earlier result of this unit is known."
