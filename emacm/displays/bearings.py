@@ -18,7 +18,6 @@ from emacm.machine.bearing_recipe import bearing_recipe
 from emacm.machine.fault_lines import LineLevels, resolved
 from emacm.machine.fault_orders import Parts, fault_series, only_damage
 from emacm.machine.fault_spectra import longest_stroke
-from emacm.orders.columns import column_names, parse_order_columns
 from emacm.recordings.recording import Recording
 
 
@@ -116,10 +115,9 @@ class FaultLinesDisplay(Display):
         chosen = _tables.chosen_channels(recording, channel and [channel])[0]
         length = min(25, max(1, int(longest_stroke(recording))))  # as `find_faults`
         recipe = bearing_recipe(only_damage(parts), channels=[chosen], revolutions=length)
-        table = recipe[:-1].fit_transform([recording])
-        (block,) = parse_order_columns(column_names(table) or ()) or ()
-        spectrum = np.asarray(table)[0, block.columns]
-        return cls(block.orders, spectrum, parts, channel=chosen, **options).plot(ax=ax)
+        (spectrum,) = np.asarray(recipe[:-1].fit_transform([recording]))
+        orders = recipe.named_steps["orderpsd"].orders_
+        return cls(orders, spectrum, parts, channel=chosen, **options).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
         """Return the lines: one row per fault and harmonic.

@@ -146,7 +146,7 @@ def quantity_of(
         Such as "PSD"; empty for the signal itself.
     channel : str
         Name of the channel; columns by direction, ``current+``, have the unit of the channel, and
-        envelopes, ``vibration_envelope``, that of the longest name that they begin with.
+        envelopes, ``vibration_500-900Hz``, that of the longest name that they begin with.
     units : str or mapping of str to str
         Unit of all channels, or of each.
     envelopes : mapping of str to {"amplitude", "squared"}
@@ -159,20 +159,19 @@ def quantity_of(
 
     Examples
     --------
-    >>> quantity_of("PSD", "vib_envelope", {"vib": "g"}, {"vib_envelope": "squared"})
-    ('squared envelope order spectrum of vib', 'g²')
+    >>> quantity_of("PSD", "vib_5-9Hz", {"vib": "g"}, {"vib_5-9Hz": "squared"})
+    ('squared envelope order spectrum of vib_5-9Hz', 'g²')
     >>> quantity_of("", "current+", {"current": "A"}, {})
     ('current+', 'A')
     """
     base = channel.rstrip("+-")
-    kind = envelopes.get(channel, envelopes.get(base))
+    kind = envelopes.get(base)
     if isinstance(units, str):
         unit = units
     else:
         first = [name for name in units if kind is not None and channel.startswith(name)]
         unit = units.get(channel) or units.get(max(first, key=len, default=base), "unit")
     if kind is not None:
-        channel = channel.removesuffix("_envelope")
         quantity = f"envelope {'order spectrum' if quantity == 'PSD' else quantity}".rstrip()
     if kind == "squared":
         quantity, unit = f"squared {quantity}", squared(unit)

@@ -25,7 +25,6 @@ RATES = {
 }
 _ENDS = ("", "_low", "_high")  # of a rate and its interval
 CENTRED = {"ha": "center", "va": "center", "fontsize": drawing.SMALL}
-CURVE = ["confidence", "frequency", "low", "high", "count"]
 
 
 @dataclass(eq=False, repr=False)
@@ -200,7 +199,8 @@ class EvaluationDisplay(Display):
 
     def _draw_reliability(self, panel: Any, curve: pd.DataFrame) -> None:
         panel.plot([0, 100], [0, 100], color="0.5", linestyle="--", linewidth=1)
-        confidence, frequency, low, high = 100 * curve[CURVE[:4]].to_numpy(float).T
+        names = ["confidence", "frequency", "low", "high"]
+        confidence, frequency, low, high = 100 * curve[names].to_numpy(float).T
         panel.vlines(confidence, low, high, color=drawing.PLAIN, linewidth=1.4)
         panel.plot(confidence, frequency, "-", color=drawing.PLAIN, linewidth=0.8)
         sizes = 12 + 90 * curve["count"].to_numpy(float) / curve["count"].sum()

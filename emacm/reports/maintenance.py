@@ -180,14 +180,13 @@ class Reports:
 
     def missing(self, names: Sequence[str], digests: Sequence[str]) -> list[bool]:
         """Return for each recording whether a folder has no page of it, of this digest."""
-        known = {entry["link"]: (entry["name"], entry["digest"]) for entry in self._listed()}
+        known = {
+            entry["link"]: (entry["name"], entry["digest"]) for entry in listed_pages(self._target)
+        }
         return [
             known.get(link) != pair or not (self._target / unquote(link)).is_file()
             for link, pair in zip(_links(names), zip(names, digests, strict=True), strict=True)
         ]
-
-    def _listed(self) -> list[dict[str, Any]]:
-        return [] if self.is_file else listed_pages(self._target)
 
     def write(
         self, pages: Sequence[Page], before: Sequence[Page] = (), *, has_fleet: bool = False
@@ -206,8 +205,8 @@ class Reports:
         if self.is_file:
             return [written_page(self._target, "maintenance", pages=map(_with_picture, pages))]
         listed = [*before, *pages]
-        links, known = _links([page.name for page in listed]), self._listed()
-        as_before = {entry["link"]: entry for entry in known}
+        links = _links([page.name for page in listed])
+        as_before = {entry["link"]: entry for entry in listed_pages(self._target)}
         shown = ("name", "unit", "date", "decision", "doubtful", "since", "action", "digest")
         entries = []
         for number, (page, link) in enumerate(zip(listed, links, strict=True)):

@@ -88,14 +88,6 @@ def plain_page(title: str, body: str) -> str:
     )
 
 
-def embedded(figure: Any, description: str) -> str:
-    """Return a figure as an image in HTML that refers to no file."""
-    return (
-        f'<img src="data:image/svg+xml;base64,{encoded_svg(figure)}" '
-        f'alt="{html.escape(description)}">'
-    )
-
-
 def encoded_svg(figure: Any) -> str:
     """Return a figure as SVG in base64."""
     buffer = BytesIO()
