@@ -23,8 +23,8 @@ stand above the axes. The healthy state has the same colour in every display, an
 legends.
 """
 
+from emacm.displays.bars import ContributionsDisplay
 from emacm.displays.bearings import FaultLinesDisplay, KurtogramDisplay
-from emacm.displays.contributions import ContributionsDisplay
 from emacm.displays.domain import DomainDisplay
 from emacm.displays.evaluation import EvaluationDisplay, OutcomesDisplay
 from emacm.displays.monitoring import AlarmDisplay, RemainingLifeDisplay, TrendDisplay
