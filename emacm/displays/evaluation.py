@@ -324,16 +324,14 @@ class OutcomesDisplay(Display):
             recordings are healthy, and `classes` are not given), so that false alarms and
             inspections cannot be distinguished.
         """
-        truths, decided = label_list(y_true, "y_true"), label_list(y_pred, "y_pred")
+        truths = pd.Series(label_list(y_true, "y_true"), dtype=object)
+        decided = pd.Series(label_list(y_pred, "y_pred"), dtype=object)
         if conditions is None:
             conditions = np.full(len(truths), "all recordings")
         check_consistent_length(truths, decided, conditions)
         states = {*truths, *label_list(() if classes is None else classes)}
-        is_correct = np.array([one == other for one, other in zip(truths, decided, strict=True)])
-        inspected = np.array([decision not in (*states, healthy) for decision in decided])
-        is_healthy, called_healthy = (
-            np.array([label == healthy for label in side]) for side in (truths, decided)
-        )
+        inspected = ~decided.isin([*states, healthy])
+        is_healthy, called_healthy = truths == healthy, decided == healthy
         if not (is_healthy.any() or called_healthy.any()):
             raise ValueError(f"healthy = {healthy!r} is neither in y_true nor in y_pred.")
         if states == {healthy} and not called_healthy.all():
@@ -342,7 +340,7 @@ class OutcomesDisplay(Display):
                 f"Give classes, such as model.classes_."
             )
         outcome = np.select(
-            [is_correct, inspected, is_healthy, called_healthy],
+            [truths == decided, inspected, is_healthy, called_healthy],
             ["correct", "inspection", "false alarm", "missed detection"],
             "wrong fault",
         )

@@ -254,9 +254,6 @@ def _learned(
     if is_projected:
         raise ValueError(f"{PROJECTED}.")
     code = classifier.classes_.tolist().index(reference)
-    covariances = np.asarray(classifier.covariances_)
-    if classifier.covariance == "tied":
-        variances = np.diag(covariances)
-    else:
-        variances = covariances[code] if covariances.ndim == 2 else np.diag(covariances[code])
-    return classifier.means_[code], np.sqrt(variances)
+    covariance = np.asarray(classifier.covariances_)
+    own = covariance if classifier.covariance == "tied" else covariance[code]
+    return classifier.means_[code], np.sqrt(own if own.ndim == 1 else np.diag(own))

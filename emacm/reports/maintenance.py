@@ -189,7 +189,7 @@ class Reports:
         ]
 
     def write(
-        self, pages: Sequence[Page], before: Sequence[Page] = (), *, has_fleet: bool = False
+        self, pages: Sequence[Page], before: Sequence[str] = (), *, has_fleet: bool = False
     ) -> list[Path]:
         """Write pages, and return the files; in a folder, the index is the last one.
 
@@ -197,27 +197,24 @@ class Reports:
         ----------
         pages : sequence of Page
             What is written.
-        before : sequence of Page
-            Pages in the folder that are only listed in the index, as they were.
+        before : sequence of str
+            Names of other recordings; those that have a page stay in the index, as they were.
         has_fleet : bool
             Whether the index links the page of the fleet.
         """
         if self.is_file:
             return [written_page(self._target, "maintenance", pages=map(_with_picture, pages))]
-        listed = [*before, *pages]
-        links = _links([page.name for page in listed])
-        as_before = {entry["link"]: entry for entry in listed_pages(self._target)}
+        links = _links([*before, *(page.name for page in pages)])
+        entries = [e for e in listed_pages(self._target) if e["link"] in links[: len(before)]]
+        links = links[len(before) :]
         shown = ("name", "unit", "date", "decision", "doubtful", "since", "action", "digest")
-        entries = []
-        for number, (page, link) in enumerate(zip(listed, links, strict=True)):
+        for page, link in zip(pages, links, strict=True):
             entry = {"link": link, "word": page.urgency}
-            entry |= {name: getattr(page, name) for name in shown}
-            is_new = number >= len(before) or link not in as_before
-            entries.append(entry if is_new else as_before[link])
+            entries.append(entry | {name: getattr(page, name) for name in shown})
         entries.sort(key=lambda entry: URGENCIES.index(entry["word"]))
         files = [
             written_page(self._target / unquote(link), "maintenance", pages=[_with_picture(page)])
-            for page, link in zip(pages, links[len(before) :], strict=True)
+            for page, link in zip(pages, links, strict=True)
         ]
         # The list is last: pages that are missing, as after a kill, are written by the next run.
         write_whole(self._target / LIST_OF_PAGES, json.dumps(entries, indent=1).encode())
