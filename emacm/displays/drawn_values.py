@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from sklearn.utils import check_consistent_length
 
 from emacm._checks import check_number
 from emacm.decisions.pipelines import parts_of
@@ -17,11 +16,8 @@ from emacm.displays.drawing import Display, squared
 from emacm.envelopes.envelope import EnvelopeSeries
 from emacm.envelopes.envelope_detector import EnvelopeDetector, envelope_names
 from emacm.machine.fault_orders import named_orders, slip_ranges
-from emacm.orders.columns import BinBlock, OrderBlock
 from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.recording import Recording
-
-Block = TypeVar("Block", OrderBlock, BinBlock)
 
 ENVELOPES = ("amplitude", "squared")
 
@@ -81,38 +77,6 @@ def predicted_lines(
     names, low, high = slip_ranges(fault_orders, slip=slip)
     _, orders = named_orders(fault_orders)
     return pd.DataFrame({"order": orders, "low": low, "high": high}, index=names)
-
-
-def channel_blocks(
-    blocks: Sequence[Block] | None, channel: str | Sequence[str] | None
-) -> list[Block]:
-    """Choose the columns of one channel, of several, or of all.
-
-    Parameters
-    ----------
-    blocks : sequence of OrderBlock or BinBlock, or None
-        Columns of each channel, read from their names; None if names have another form.
-    channel : str, sequence of str or None
-        Channels to choose; None for all.
-
-    Returns
-    -------
-    list of OrderBlock or BinBlock
-
-    Raises
-    ------
-    ValueError
-        If there is no order axis, or no such channel.
-    """
-    if blocks is None:
-        raise ValueError(
-            "the table has no order axis; pass the result of OrderPSD (or of BinTransformer under "
-            "set_output(transform='pandas')) with its column names, or use from_estimator."
-        )
-    known = {block.channel: block for block in blocks}
-    wanted = [channel] if isinstance(channel, str) else list(known if channel is None else channel)
-    check_channel_names(list(known), wanted, "the table")
-    return [known[name] for name in wanted]
 
 
 def envelopes_of(estimator: Any) -> dict[str, str]:
@@ -176,23 +140,6 @@ def quantity_of(
     if kind == "squared":
         quantity, unit = f"squared {quantity}", squared(unit)
     return (f"{quantity} of {channel}" if quantity else channel), unit
-
-
-def means_by_label(
-    values: ArrayLike, labels: ArrayLike | None, otherwise: str
-) -> dict[str, NDArray[np.floating]]:
-    """Average the recordings of each label; without labels, all under the name `otherwise`.
-
-    Raises
-    ------
-    ValueError
-        If a value is not finite, or the number of labels differs.
-    """
-    table = check_values(values, "the table", (None, None))
-    groups = np.asarray([otherwise] * len(table) if labels is None else labels)
-    check_consistent_length(table, groups)
-    means = pd.DataFrame(table).groupby(groups, dropna=False).mean()
-    return dict(zip(means.index.map(str), means.to_numpy(), strict=True))
 
 
 @dataclass(eq=False, repr=False, kw_only=True)

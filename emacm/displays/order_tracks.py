@@ -153,9 +153,9 @@ class OrderTrackDisplay(Display):
                 panel.plot(part["phase"], part["amplitude"], linewidth=1.1, **style)
             for row in rows.iloc[_apart(rows)].itertuples():
                 panel.plot(row.phase, row.amplitude, ".", color="0.2")
-                near: dict[str, Any] = {"xytext": (4, 2), "textcoords": "offset points"}
                 text = f"{abs(row.speed) / unit_factor('rpm', 'velocity'):.0f}"
-                panel.annotate(text, (row.phase, row.amplitude), fontsize=drawing.SMALL, **near)
+                place, small = (row.phase, row.amplitude), drawing.SMALL
+                panel.annotate(text, place, (4, 2), textcoords="offset points", fontsize=small)
             title = f"order {order:g} of {self.track['channel'].iloc[0]}"
             text = f"{title}\n[{self.unit}, peak]; marks: rpm"
             panel.set_title(text, fontsize=drawing.SMALL)

@@ -8,7 +8,8 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from sklearn.utils import check_consistent_length
 
 from emacm.decisions.pipelines import parts_with_input
 from emacm.displays import bars, drawing, drawn_values
@@ -16,6 +17,7 @@ from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.bins import check_stop_bands
 from emacm.orders.columns import column_names, parse_bin_columns, parse_order_columns
 from emacm.orders.order_psd import OrderPSD
+from emacm.recordings.inputs import check_channel_names
 
 
 @dataclass(eq=False, repr=False, kw_only=True)
@@ -69,9 +71,9 @@ class PowerDisplay(drawn_values.OrderDisplay):
             If the table has no order axis or no such channel, labels do not fit it, or an option
             is invalid.
         """
-        blocks = drawn_values.channel_blocks(cls._parse(column_names(table) or ()), channel)
+        blocks = _channel_blocks(cls._parse(column_names(table) or ()), channel)
         single = channel if isinstance(channel, str) else None
-        means = drawn_values.means_by_label(table, labels, single or "all recordings")
+        means = _means_by_label(table, labels, single or "all recordings")
         return cls._of_means(means, blocks, single, **options).plot(ax=ax)
 
     @classmethod
@@ -316,3 +318,50 @@ class OrderBinsDisplay(PowerDisplay):
             self._label_power(panel, block.channel, "power")
         drawing.legend_above(axes[0], gap=bars.mark_panels(axes, self.blocks, self.fault_orders))
         return axes
+
+
+def _channel_blocks(blocks: Sequence[Any] | None, channel: str | Sequence[str] | None) -> list[Any]:
+    """Choose the columns of one channel, of several, or of all.
+
+    Parameters
+    ----------
+    blocks : sequence of OrderBlock or BinBlock, or None
+        Columns of each channel, read from their names; None if names have another form.
+    channel : str, sequence of str or None
+        Channels to choose; None for all.
+
+    Returns
+    -------
+    list of OrderBlock or BinBlock
+
+    Raises
+    ------
+    ValueError
+        If there is no order axis, or no such channel.
+    """
+    if blocks is None:
+        raise ValueError(
+            "the table has no order axis; pass the result of OrderPSD (or of BinTransformer under "
+            "set_output(transform='pandas')) with its column names, or use from_estimator."
+        )
+    known = {block.channel: block for block in blocks}
+    wanted = [channel] if isinstance(channel, str) else list(known if channel is None else channel)
+    check_channel_names(list(known), wanted, "the table")
+    return [known[name] for name in wanted]
+
+
+def _means_by_label(
+    values: ArrayLike, labels: ArrayLike | None, otherwise: str
+) -> dict[str, NDArray[np.floating]]:
+    """Average the recordings of each label; without labels, all under the name `otherwise`.
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite, or the number of labels differs.
+    """
+    table = drawn_values.check_values(values, "the table", (None, None))
+    groups = np.asarray([otherwise] * len(table) if labels is None else labels)
+    check_consistent_length(table, groups)
+    means = pd.DataFrame(table).groupby(groups, dropna=False).mean()
+    return dict(zip(means.index.map(str), means.to_numpy(), strict=True))

@@ -170,7 +170,7 @@ def explain_decision(
         deviations = _deviations(classifier, traced, step, others)
         attrs["statements"] = [PROJECTED]
         if others is not None or not traced.is_linear:
-            attrs["statements"] = unknown_statements(table.join(deviations), str(classes[code]))
+            attrs["statements"] = unknown_statements(table.join(deviations))
         table = table.join(deviations[["deviation", "outside_training", "unit"]])
     elif statement := _of_second_state(classifier, traced, decision):
         attrs["statements"] = [statement]

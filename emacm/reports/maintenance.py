@@ -81,13 +81,13 @@ def maintenance_report(
         is stated, from the healthy power of its bin. Needed where the features are projections
         (PCA, LDA).
     history : DataFrame, optional
-        Earlier results, as from `score`, with the column "decision", and "unit" and "time" if these
-        are given.
+        Earlier results, as from `score`, with the columns "decision" and "time", and "unit" if this
+        is given.
     unit : key of meta, tuple of keys, callable or array-like, optional
         The unit of each recording. Default: with `history`, all are of the same unit.
     time : key of meta, callable or array-like, optional
         Time of each recording: dates, or numbers such as cycles. The recordings of a unit count as
-        earlier results of each other. Default: the recordings are later than all of `history`.
+        earlier results of each other. Needed with `history`.
 
     Returns
     -------
@@ -277,9 +277,9 @@ def add_since(
     pages : sequence of Page
         The pages.
     history : DataFrame, optional
-        Earlier results, as `score` returns them, with "unit" and "time" added.
+        Earlier results, as `score` returns them, with "time" added, and "unit" if it is known.
     units, times : list, optional
-        Of the pages. Without times, the pages are later than the history, which is in order.
+        Of the pages.
     counter : str
         Name of times that are numbers, such as "cycle".
 
@@ -294,27 +294,27 @@ def add_since(
         page.date = page.date or when(time, counter)
     if history is None and (units is None or times is None):
         return
-    columns = ["decision", *["unit"] * (units is not None), *["time"] * (times is not None)]
+    if times is None:
+        raise ValueError("history needs the time of each recording; give time, as time='cycle'.")
+    columns = ["decision", "time", *["unit"] * (units is not None)]
     history = pd.DataFrame(columns=columns) if history is None else history
     missing = [name for name in columns if name not in getattr(history, "columns", ())]
     if missing:
         raise ValueError(
             f"history must be a table of earlier results, as from score, with the columns "
-            f"{columns} as far as the new recordings have them; it has no {missing[0]!r}."
+            f"{columns}; it has no {missing[0]!r}."
         )
-    # Without times, the number of a result stands for its time.
-    earlier = history[columns].reset_index(drop=True).fillna({"decision": ""})
-    earlier = pd.DataFrame({"unit": "", "time": earlier.index}, dtype=object).assign(**earlier)
+    earlier = history[columns].reindex(columns=["unit", "decision", "time"], fill_value="")
     made = ["" if page.kind == "undecided" else page.decision for page in pages]
-    new = {"decision": made, "unit": units or "", "time": times or len(earlier)}
-    results = pd.concat([earlier, pd.DataFrame(new, dtype=object)], ignore_index=True)
+    new = pd.DataFrame({"unit": units or "", "decision": made, "time": times}, dtype=object)
+    results = pd.concat([earlier.astype(object), new], ignore_index=True).fillna({"decision": ""})
     results["time"] = _as_times(results["time"].tolist())
     results = results.astype({"decision": str, "unit": str})
     for page, own in zip(pages, results[len(earlier) :].itertuples(), strict=True):
         before = (results["unit"] == own.unit) & (results["time"] < own.time)
         before = results[before & (results["decision"] != "")].sort_values("time", kind="stable")
         if own.decision:
-            page.since = _since(own.decision, before, None if times is None else counter)
+            page.since = _since(own.decision, before, counter)
 
 
 def _as_times(values: list[Any]) -> list[Any]:
@@ -331,22 +331,21 @@ def _as_times(values: list[Any]) -> list[Any]:
     )
 
 
-def _since(decision: str, earlier: pd.DataFrame, counter: str | None) -> str:
+def _since(decision: str, earlier: pd.DataFrame, counter: str) -> str:
     """Say since when a decision has been made without interruption."""
     if earlier.empty:
         return "No earlier result of this unit is known."
-    times = ["" if counter is None else when(time, counter) for time in earlier["time"]]
+    times = [when(time, counter) for time in earlier["time"]]
     rows = list(zip(earlier["decision"], times, strict=True))
     same = list(takewhile(lambda row: row[0] == decision, reversed(rows)))
     before = ""
     if len(same) < len(rows):
         other, time = rows[-1 - len(same)]
-        before = f"{other!r} ({time})." if time else f"{other!r}."
+        before = f"{other!r} ({time})."
     if not same:
         return f"New: the recording before, of this unit, was {before}"
-    start = f"Since {same[-1][1]}, in" if same[-1][1] else "In"
     rest = f"; before that, {before}" if before else ": in all that are known of this unit."
-    return f"{start} {len(same) + 1} recordings in a row{rest}"
+    return f"Since {same[-1][1]}, in {len(same) + 1} recordings in a row{rest}"
 
 
 def file_stems(names: Sequence[str]) -> list[str]:

@@ -305,13 +305,10 @@ def _add_warnings(page: Page, model: Any, recording: Recording) -> None:
     if isinstance(own, ConditionRouter):
         own = own.models_of([recording])[0]
     resamplers = fitted_resamplers(own)
-    defects, unusual = scoring.defects_of(resamplers, recording), list[str]()
-    for resampler in resamplers:
-        quality = scoring.measured_quality(resampler, recording)
-        unusual += [defect.text for defect in resampler.training_range_.unusual(quality)]
-    page.first = list(dict.fromkeys(unusual))
-    usual = (defect.text for defect in defects if defect.text not in unusual)
-    page.notes += [f"As in the training: {text}." for text in usual]
+    usual = {kind for resampler in resamplers for kind in resampler.training_range_.defects}
+    defects = scoring.defects_of(resamplers, recording)
+    page.first = [defect.text for defect in defects if defect.kind not in usual]
+    page.notes += [f"As in the training: {d.text}." for d in defects if d.kind in usual]
     if resamplers and not defects:
         page.normal.append(
             "channels without clipping, overflow, drop-outs, offsets or constant values"

@@ -176,7 +176,7 @@ def test_columns_that_are_no_powers_deviate_by_standard_deviations():
     assert table.loc["current:mean", "deviation"] == pytest.approx(25 / spread, rel=0.2)
     (words, *_) = table.attrs["statements"]
     assert words.startswith("'current:mean' ")
-    assert " standard deviations above '" in words
+    assert words.endswith(" standard deviations above the training maximum")
 
 
 def test_behind_a_router_the_pipeline_of_the_condition_is_explained():
