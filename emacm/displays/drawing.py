@@ -81,7 +81,7 @@ def wrapped(label: Any) -> str:
 
 
 def panel_axes(
-    ax: Any, n_panels: int = 1, *, height: float = 1.7, share_x: bool = True
+    ax: Any, n_panels: int = 1, *, height: float = 1.7, share_x: bool = True, **options: Any
 ) -> NDArray[np.object_]:
     """Return one Axes for each panel: the given ones, or those of a new figure, in one column.
 
@@ -95,6 +95,8 @@ def panel_axes(
         Height of each panel of a new figure [inches].
     share_x : bool
         Whether the panels of a new figure share their x axis.
+    **options
+        As for ``Figure.subplots``: subplot_kw.
 
     Returns
     -------
@@ -110,7 +112,7 @@ def panel_axes(
     if ax is None:
         size = (WIDTH, max(3.2, 1.0 + height * n_panels))
         figure = pyplot().figure(figsize=size, layout="constrained")
-        return figure.subplots(n_panels, sharex=share_x, squeeze=False).reshape(-1)
+        return figure.subplots(n_panels, sharex=share_x, squeeze=False, **options).reshape(-1)
     given = np.asarray(ax, dtype=object).reshape(-1)
     if len(given) != n_panels:
         raise ValueError(

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from emacm._checks import check_choice
 from emacm.displays import drawing, drawn_values
@@ -124,7 +123,9 @@ class OrderTrackDisplay(Display):
                 style |= {"linestyle": "-" if direction > 0 else "--"}
                 style |= {"linewidth": 1.1, "marker": "." if len(part) == 1 else ""}
                 axes[0].plot(x, part["amplitude"], **style)
-                axes[1].plot(*_broken(x.to_numpy(), np.degrees(part["phase"])), **style)
+                phase = np.degrees(part["phase"])
+                # The line is interrupted where the phase passes 180 degrees.
+                axes[1].plot(x, phase.where(~(phase.diff().abs() > 180)), **style)
         words = f"amplitude of {self.track['channel'].iloc[0]}"
         drawing.label_y(axes[0], words, f"{self.unit}, peak")
         drawing.label_y(axes[1], "phase", "degrees")
@@ -137,15 +138,8 @@ class OrderTrackDisplay(Display):
         return axes
 
     def _draw_polar(self, ax: Any, lines: dict[float, pd.DataFrame]) -> Any:
-        if ax is None:
-            columns = min(len(lines), 2)
-            n_rows = -(-len(lines) // columns)
-            size = (drawing.WIDTH, drawing.WIDTH / columns * n_rows)
-            figure = drawing.pyplot().figure(figsize=size, layout="constrained")
-            places = range(1, 1 + len(lines))
-            axes = [figure.add_subplot(n_rows, columns, n, projection="polar") for n in places]
-        else:
-            axes = list(drawing.panel_axes(ax, len(lines)))
+        polar: Any = {"subplot_kw": {"projection": "polar"}, "share_x": False}
+        axes = drawing.panel_axes(ax, len(lines), height=4.0, **polar)
         for panel, (number, (order, rows)) in zip(axes, enumerate(lines.items(), 1), strict=True):
             for part, direction in _parts(rows):
                 style = {"color": drawing.colour_of(number)}
@@ -160,7 +154,7 @@ class OrderTrackDisplay(Display):
             text = f"{title}\n[{self.unit}, peak]; marks: rpm"
             panel.set_title(text, fontsize=drawing.SMALL)
             panel.tick_params(labelsize=drawing.SMALL)
-        return np.array(axes, dtype=object)
+        return axes
 
 
 def _parts(rows: pd.DataFrame) -> Iterator[tuple[pd.DataFrame, int]]:
@@ -181,12 +175,3 @@ def _apart(rows: pd.DataFrame) -> list[int]:
         if np.abs(place - places[marked]).min() > 0.25 * np.abs(places).max():
             marked.append(number)
     return marked
-
-
-def _broken(
-    x: NDArray[np.floating], degrees: pd.Series
-) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Return a line that is interrupted where the phase passes 180 degrees."""
-    y = degrees.to_numpy()
-    jumps = np.flatnonzero(np.abs(np.diff(y)) > 180) + 1
-    return np.insert(x, jumps, np.nan), np.insert(y, jumps, np.nan)

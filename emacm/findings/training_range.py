@@ -67,7 +67,12 @@ class TrainingRange:
         metas = list(metas)
         named = {key: {str(meta[key]) for meta in metas if key in meta} for key in UNITS}
         machines = {key: tuple(sorted(names)) for key, names in named.items() if names}
-        return cls(ranges, units, _conditions(metas), tuple(sorted(kinds)), machines)
+        conditions = {
+            name: tuple(sorted({float(meta[name]) for meta in metas}))
+            for name in CONDITIONS
+            if all(isinstance(meta.get(name), Real) for meta in metas)
+        }
+        return cls(ranges, units, conditions, tuple(sorted(kinds)), machines)
 
     def joined(self, other: TrainingRange) -> TrainingRange:
         """Return the range of the recordings of both."""
@@ -115,15 +120,6 @@ class TrainingRange:
     def unusual(self, quality: Quality) -> list[Statement]:
         """Return the defects of a recording of kinds that the training does not have."""
         return [defect for defect in quality.defects if defect.kind not in self.defects]
-
-
-def _conditions(metas: Sequence[Mapping[Any, Any]]) -> dict[str, tuple[float, ...]]:
-    """Return the values of each operating condition that is a number in all `meta`, sorted."""
-    return {
-        name: tuple(sorted({float(meta[name]) for meta in metas}))
-        for name in CONDITIONS
-        if all(isinstance(meta.get(name), Real) for meta in metas)
-    }
 
 
 def _new_units(meta: Mapping[Any, Any], known: Mapping[str, Sequence[str]]) -> Iterator[Statement]:

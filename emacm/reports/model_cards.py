@@ -67,11 +67,9 @@ class ModelCard(dict[str, Any]):
         return {title: table for title, table in tables.items() if len(table)}
 
     def _ranges(self) -> pd.DataFrame:
-        ranges = {
-            f"{name}{f' of resampler {number}' if number else ''}": ends
-            for number, own in enumerate(self["training_range"])
-            for name, ends in (own or {}).items()
-        }
+        ranges: dict[str, Any] = {}
+        for own in self["training_range"]:  # one for each resampler, of the same recordings
+            ranges |= own or {}
         points = evidence_table(self.evidence, "domain").select_dtypes("number")
         ranges |= {name: (points[name].min(), points[name].max()) for name in points}
         for name in ("slowest", "fastest"):

@@ -271,12 +271,12 @@ def _add_decision(page: Page, settings: Settings, recording: Recording) -> Any:
 def _stands_for(classifier: Any, decision: Any) -> NDArray[np.bool_]:
     """Return for which classes a decision stands: its own, or all of a family."""
     states = classifier.classes_.tolist()
-    is_decision = np.array([state == decision for state in states])
-    if not isinstance(classifier, LeastRiskMixin):
-        return is_decision
-    decisions, cost = classifier.decisions_.tolist(), classifier.cost_[:, : len(states)]
-    covered = cost[decisions.index(decision)] <= cost.min(axis=0)
-    return is_decision | (covered & [state not in decisions for state in states])
+    own = np.array([state == decision for state in states])
+    if isinstance(classifier, LeastRiskMixin):
+        decisions, cost = classifier.decisions_.tolist(), classifier.cost_[:, : len(states)]
+        covered = cost[decisions.index(decision)] <= cost.min(axis=0)
+        own |= covered & [state not in decisions for state in states]
+    return own
 
 
 def _add_typicality(page: Page) -> None:

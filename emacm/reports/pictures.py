@@ -101,12 +101,14 @@ def _predicted(page: Page, top: float) -> pd.DataFrame:
     """Return the predicted lines that are marked: those of raised components, or first ones."""
     series = () if page.parts is None else fault_series(page.parts, 3)
     raised = page.findings.components if page.findings is not None else []
+    one_part = len({fault.name.rpartition(" ")[0] for fault in series}) == 1
     rows = {}
     for fault in series:
+        name = fault.name.rpartition(" ")[2] if one_part else fault.name
         chosen = fault.orders if fault.name in raised else fault.orders[: not raised]
         for k, order in enumerate(chosen, 1):
             if order <= top:
-                rows[fault.name if k == 1 else f"{k}x{fault.name}"] = (order, fault.slips)
+                rows[name if k == 1 else f"{k}x{name}"] = (order, fault.slips)
     return pd.DataFrame.from_dict(rows, orient="index", columns=["order", "slips"]).head(12)
 
 

@@ -32,9 +32,6 @@ def templates() -> Any:
         loader=jinja2.PackageLoader("emacm.reports"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
     )
 
 
