@@ -294,13 +294,11 @@ def squared(unit: str) -> str:
 
     Examples
     --------
-    >>> squared("A"), squared("m/s²"), squared("(m/s²)²"), squared("V²"), squared("1")
-    ('A²', '(m/s²)²', '(m/s²)⁴', 'V⁴', '1')
+    >>> squared("A"), squared("m/s²"), squared("(m/s²)²"), squared("V²")
+    ('A²', '(m/s²)²', '(m/s²)⁴', 'V⁴')
     """
     if unit.endswith("²") and (unit.endswith(")²") or not any(sign in unit for sign in "/ ")):
         return f"{unit[:-1]}⁴"
-    if unit == "1":
-        return unit
     return f"({unit})²" if any(sign in unit for sign in "/ ") else f"{unit}²"
 
 

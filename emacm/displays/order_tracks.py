@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from emacm._checks import check_choice
 from emacm.displays import drawing, drawn_values
@@ -123,9 +124,7 @@ class OrderTrackDisplay(Display):
                 style |= {"linestyle": "-" if direction > 0 else "--"}
                 style |= {"linewidth": 1.1, "marker": "." if len(part) == 1 else ""}
                 axes[0].plot(x, part["amplitude"], **style)
-                phase = np.degrees(part["phase"])
-                # The line is interrupted where the phase passes 180 degrees.
-                axes[1].plot(x, phase.where(~(phase.diff().abs() > 180)), **style)
+                axes[1].plot(*_broken(x.to_numpy(), np.degrees(part["phase"])), **style)
         words = f"amplitude of {self.track['channel'].iloc[0]}"
         drawing.label_y(axes[0], words, f"{self.unit}, peak")
         drawing.label_y(axes[1], "phase", "degrees")
@@ -142,17 +141,15 @@ class OrderTrackDisplay(Display):
         axes = drawing.panel_axes(ax, len(lines), height=4.0, **polar)
         for panel, (number, (order, rows)) in zip(axes, enumerate(lines.items(), 1), strict=True):
             for part, direction in _parts(rows):
-                style = {"color": drawing.colour_of(number)}
-                style["linestyle"] = "-" if direction > 0 else "--"
-                panel.plot(part["phase"], part["amplitude"], linewidth=1.1, **style)
+                line, colour = "-" if direction > 0 else "--", drawing.colour_of(number)
+                panel.plot(part["phase"], part["amplitude"], line, color=colour, linewidth=1.1)
             for row in rows.iloc[_apart(rows)].itertuples():
                 panel.plot(row.phase, row.amplitude, ".", color="0.2")
                 text = f"{abs(row.speed) / unit_factor('rpm', 'velocity'):.0f}"
                 place, small = (row.phase, row.amplitude), drawing.SMALL
                 panel.annotate(text, place, (4, 2), textcoords="offset points", fontsize=small)
-            title = f"order {order:g} of {self.track['channel'].iloc[0]}"
-            text = f"{title}\n[{self.unit}, peak]; marks: rpm"
-            panel.set_title(text, fontsize=drawing.SMALL)
+            of = f"of {self.track['channel'].iloc[0]}\n[{self.unit}, peak]; marks: rpm"
+            panel.set_title(f"order {order:g} {of}", fontsize=drawing.SMALL)
             panel.tick_params(labelsize=drawing.SMALL)
         return axes
 
@@ -175,3 +172,12 @@ def _apart(rows: pd.DataFrame) -> list[int]:
         if np.abs(place - places[marked]).min() > 0.25 * np.abs(places).max():
             marked.append(number)
     return marked
+
+
+def _broken(
+    x: NDArray[np.floating], degrees: pd.Series
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return a line that is interrupted where the phase passes 180 degrees."""
+    y = degrees.to_numpy()
+    jumps = np.flatnonzero(np.abs(np.diff(y)) > 180) + 1
+    return np.insert(x, jumps, np.nan), np.insert(y, jumps, np.nan)

@@ -180,13 +180,10 @@ class Reports:
 
     def missing(self, names: Sequence[str], digests: Sequence[str]) -> list[bool]:
         """Return for each recording whether a folder has no page of it, of this digest."""
-        known = {
-            entry["link"]: (entry["name"], entry["digest"]) for entry in listed_pages(self._target)
-        }
-        return [
-            known.get(link) != pair or not (self._target / unquote(link)).is_file()
-            for link, pair in zip(_links(names), zip(names, digests, strict=True), strict=True)
-        ]
+        listed = listed_pages(self._target)
+        known = {(entry["link"], entry["name"], entry["digest"]) for entry in listed}
+        rows = zip(_links(names), names, digests, strict=True)
+        return [row not in known or not (self._target / unquote(row[0])).is_file() for row in rows]
 
     def write(
         self, pages: Sequence[Page], before: Sequence[str] = (), *, has_fleet: bool = False
