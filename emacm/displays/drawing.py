@@ -153,14 +153,12 @@ def label_x(axes: NDArray[np.object_], label: str) -> None:
 
 def date_axis(ax: Any, times: pd.Series) -> None:
     """Mark the range of dates on the x axis as shortly as is unambiguous; of one date, a minute."""
-    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+    from matplotlib.dates import ConciseDateFormatter
 
     low, high = times.min(), times.max()
     margin = 0.05 * (high - low) or pd.Timedelta(seconds=30)
     ax.set_xlim(low - margin, high + margin)
-    locator = AutoDateLocator(minticks=3, maxticks=8)
-    ax.xaxis.set_major_locator(locator)
-    ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+    ax.xaxis.set_major_formatter(ConciseDateFormatter(ax.xaxis.get_major_locator()))
 
 
 def label_y(ax: Any, quantity: str, unit: str) -> None:

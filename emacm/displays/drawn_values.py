@@ -19,8 +19,6 @@ from emacm.machine.fault_orders import named_orders, slip_ranges
 from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.recording import Recording
 
-ENVELOPES = ("amplitude", "squared")
-
 
 def check_values(
     values: ArrayLike, name: str, shape: tuple[int | None, ...], *, least: float = -np.inf
@@ -82,7 +80,7 @@ def predicted_lines(
 def envelopes_of(estimator: Any) -> dict[str, str]:
     """Return the envelope channels that the steps of a fitted pipeline compute."""
     return {
-        name: ENVELOPES[bool(step.squared)]
+        name: "squared" if step.squared else "amplitude"
         for step in parts_of(estimator)
         if isinstance(step, EnvelopeDetector)
         for channel, band in getattr(step, "bands_", {}).items()
@@ -93,7 +91,7 @@ def envelopes_of(estimator: Any) -> dict[str, str]:
 def envelopes_in(recording: Recording) -> dict[str, str]:
     """Return the channels of a recording that are envelopes."""
     return {
-        name: ENVELOPES[bool(series.squared)]
+        name: "squared" if series.squared else "amplitude"
         for name, series in recording.series.items()
         if isinstance(series, EnvelopeSeries)
     }

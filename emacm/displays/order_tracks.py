@@ -120,9 +120,9 @@ class OrderTrackDisplay(Display):
                 label = f"order {order:g}{'' if direction > 0 else ', reverse'}"
                 if label in axes[0].get_legend_handles_labels()[1]:
                     label = "_"
-                style: dict[str, Any] = {"color": drawing.colour_of(number), "label": label}
-                style |= {"linestyle": "-" if direction > 0 else "--"}
-                style |= {"linewidth": 1.1, "marker": "." if len(part) == 1 else ""}
+                style: Any = {"color": drawing.colour_of(number), "label": label, "linewidth": 1.1}
+                style["linestyle"] = "-" if direction > 0 else "--"
+                style["marker"] = "." if len(part) == 1 else ""
                 axes[0].plot(x, part["amplitude"], **style)
                 axes[1].plot(*_broken(x.to_numpy(), np.degrees(part["phase"])), **style)
         words = f"amplitude of {self.track['channel'].iloc[0]}"

@@ -217,8 +217,7 @@ def _of_channel(
             f"{where} of {channel!r}, {up_to}{heights[peak]:.0f} dB above the background and "
             f"{excess:.0f} dB above the training maximum"
         )
-        limit = float(limits[peak])
-        found.append(Statement("new line", channel, text, value=excess, limit=limit))
+        found.append(Statement("new line", channel, text, value=excess, limit=float(limits[peak])))
     return found
 
 

@@ -136,8 +136,7 @@ def _motion_defects(
             f"speed (half its sampling rate, or the width of the band of an envelope), though "
             f"theta_s reaches order {np.pi / theta_s:.4g}"
         )
-        limit = row["max_order"]
-        yield Statement("order", slowest, text, value=over_angle.flat_order, limit=limit)
+        yield Statement("order", slowest, text, value=over_angle.flat_order, limit=row["max_order"])
     if n_short > 10:  # so many look like noise
         text = "strokes of less than a revolution: raise min_speed above the noise at standstill"
         yield Statement("short strokes", "", f"{n_short} {text}", value=n_short, limit=10)

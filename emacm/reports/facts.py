@@ -89,8 +89,7 @@ def when(time: Any, name: str = "") -> str:
     ('2024-05-01 22:10', 'cycle 1200')
     """
     if isinstance(time, pd.Timestamp):
-        text = f"{time:%Y-%m-%d %H:%M}"
-        return text.removesuffix(" 00:00")
+        return f"{time:%Y-%m-%d %H:%M}".removesuffix(" 00:00")
     value = f"{time:.9g}" if isinstance(time, float) else str(time)
     return f"{name} {value}".strip()
 
