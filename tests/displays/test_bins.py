@@ -1,4 +1,4 @@
-"""Order bins are drawn between their exact edges."""
+"""Order bins and contributions are drawn between the exact edges of the bins."""
 
 import numpy as np
 import pandas as pd
@@ -6,10 +6,11 @@ from matplotlib.figure import Figure
 from sklearn.pipeline import make_pipeline
 
 from emacm import BinTransformer, OrderPSD, OrderResampler
-from emacm.displays import OrderBinsDisplay
+from emacm.displays import ContributionsDisplay, OrderBinsDisplay
 from emacm.simulation.fleet import simulate_actuator
 
 NAMES = ["current@0-0.5", "current@0.5-2", "current@3-4"]
+PARTS = ["current@3-4", "current@5-7", "vibration@3-4", "vibration@5-7"]
 
 
 def axes(n_panels=1):
@@ -57,3 +58,25 @@ def test_a_pipeline_draws_its_bins_and_its_stop_bands():
     assert [text.get_text() for text in panels[0].texts] == ["screw"]
     assert len(panels[1].lines) == 2  # the powers; the mark again, without its name
     assert not panels[1].texts
+
+
+def bars(ax):
+    return sorted((bar.get_x(), bar.get_width(), bar.get_height()) for bar in ax.patches)
+
+
+def test_each_channel_has_bars_between_the_edges_of_its_bins():
+    panels = axes(2)
+    ContributionsDisplay(PARTS, [2.0, -1.0, 0.5, 0.0]).plot(ax=panels)
+    assert bars(panels[0]) == [(3, 1, 2.0), (5, 2, -1.0)]
+    assert bars(panels[1]) == [(3, 1, 0.5), (5, 2, 0.0)]
+    assert panels[0].get_ylim() == panels[1].get_ylim()
+    label = panels[0].get_ylabel().replace("\n", " ")
+    assert label == "contribution of current [nats]"
+
+
+def test_predicted_fault_orders_are_marked_and_set_beside_the_bins():
+    panels = axes(2)
+    orders = {"screw": 3.125, "BPFI": 6.123, "2 BPFI": 12.246}
+    display = ContributionsDisplay(PARTS, [2.0, 0, 0, 1], fault_orders=orders).plot(ax=panels)
+    assert [text.get_text() for text in panels[0].texts] == ["screw", "BPFI"]
+    assert display.frame()["contribution"].tolist() == [2.0, 0, 0, 1]

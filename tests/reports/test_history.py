@@ -27,10 +27,6 @@ def since(history, times):
             "New: the recording before, of this unit, was 'ok' (cycle 300).",
         ),
         (table("worn", "worn"), "Since cycle 100, in 3 recordings in a row: in all that are known"),
-        (
-            table("worn", "ok", "worn"),
-            "Since cycle 300, in 2 recordings in a row; before that, 'ok' (cycle 200).",
-        ),
         (table(), "No earlier result of this unit is known."),
     ],
 )
