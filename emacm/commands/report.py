@@ -117,8 +117,7 @@ class FileReports:
             pages = self._pages(part["path"].tolist(), history)
             for page, digest in zip(pages, part["id"], strict=True):
                 page.digest = digest
-            known = zip(others["recording"], others["decision"], strict=True)
-            before = [Page(name, str(made), "state") for name, made in known]
+            before = others["recording"].tolist()
             self._reports.write(pages, before, has_fleet=self._has_fleet)
 
     def write_fleet(self, rows: Iterable[Mapping[str, Any]] = ()) -> None:

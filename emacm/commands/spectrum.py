@@ -187,8 +187,9 @@ def _drawn(
     revolutions: float,
 ) -> Any:
     """Return the figure of the first channel: over orders and, with --hz, over frequency below."""
-    from emacm.displays import OrderMapDisplay, OrderSpectrumDisplay, OrderTrackDisplay, hertz
+    from emacm.displays import OrderMapDisplay, OrderSpectrumDisplay, OrderTrackDisplay
     from emacm.displays.drawing import offscreen_panels
+    from emacm.displays.recording import draw_map_in_hertz, draw_spectra_in_hertz
 
     first = next(iter(recordings.values()))
     channel, parts = first.channels[0], parts_of_options(options)
@@ -203,7 +204,7 @@ def _drawn(
         known |= {"over": over, "ax": panels[0, 0]} | marks
         display = OrderMapDisplay.from_recording(first, channel, **known)
         if options.hz:
-            hertz.draw_map(first, display, highest, panels[1, 0])
+            draw_map_in_hertz(first, display, highest, panels[1, 0])
     else:
         figure, panels = offscreen_panels(2 if options.hz else 1, height=6.4 if options.hz else 4)
         table = table[(table["channel"] == channel) & table["recording"].isin([*recordings])]
@@ -213,7 +214,7 @@ def _drawn(
         lined: dict[str, Any] = {"channel": channel, "unit": unit, "max_order": highest}
         OrderSpectrumDisplay(orders, values, **lined, **marks).plot(ax=panels[0, 0])
         if options.hz:
-            hertz.draw_spectra(recordings, channel, highest, panels[1, 0])
+            draw_spectra_in_hertz(recordings, channel, highest, panels[1, 0])
     if options.map or (options.order and not options.polar):
         figure.suptitle(Path(next(iter(recordings))).name, fontsize=8)
     return figure

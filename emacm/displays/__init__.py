@@ -23,31 +23,21 @@ stand above the axes. The healthy state has the same colour in every display, an
 legends.
 """
 
-from emacm.displays.bearings import FaultLinesDisplay, KurtogramDisplay
-from emacm.displays.contributions import ContributionsDisplay
-from emacm.displays.domain import DomainDisplay
-from emacm.displays.evaluation import EvaluationDisplay, OutcomesDisplay
-from emacm.displays.monitoring import AlarmDisplay, RemainingLifeDisplay, TrendDisplay
-from emacm.displays.order_tracks import OrderTrackDisplay
-from emacm.displays.planes import DecisionRegionsDisplay, FeatureDensityDisplay
-from emacm.displays.power import OrderBinsDisplay, OrderSpectrumDisplay
-from emacm.displays.recording import OrderMapDisplay, RecordingDisplay
+from emacm.displays.bars import ContributionsDisplay as ContributionsDisplay
+from emacm.displays.bearings import FaultLinesDisplay as FaultLinesDisplay
+from emacm.displays.bearings import KurtogramDisplay as KurtogramDisplay
+from emacm.displays.domain import DomainDisplay as DomainDisplay
+from emacm.displays.evaluation import EvaluationDisplay as EvaluationDisplay
+from emacm.displays.evaluation import OutcomesDisplay as OutcomesDisplay
+from emacm.displays.monitoring import AlarmDisplay as AlarmDisplay
+from emacm.displays.monitoring import RemainingLifeDisplay as RemainingLifeDisplay
+from emacm.displays.monitoring import TrendDisplay as TrendDisplay
+from emacm.displays.order_tracks import OrderTrackDisplay as OrderTrackDisplay
+from emacm.displays.planes import DecisionRegionsDisplay as DecisionRegionsDisplay
+from emacm.displays.planes import FeatureDensityDisplay as FeatureDensityDisplay
+from emacm.displays.power import OrderBinsDisplay as OrderBinsDisplay
+from emacm.displays.power import OrderSpectrumDisplay as OrderSpectrumDisplay
+from emacm.displays.recording import OrderMapDisplay as OrderMapDisplay
+from emacm.displays.recording import RecordingDisplay as RecordingDisplay
 
-__all__ = [
-    "AlarmDisplay",
-    "ContributionsDisplay",
-    "DecisionRegionsDisplay",
-    "DomainDisplay",
-    "EvaluationDisplay",
-    "FaultLinesDisplay",
-    "FeatureDensityDisplay",
-    "KurtogramDisplay",
-    "OrderBinsDisplay",
-    "OrderMapDisplay",
-    "OrderSpectrumDisplay",
-    "OrderTrackDisplay",
-    "OutcomesDisplay",
-    "RecordingDisplay",
-    "RemainingLifeDisplay",
-    "TrendDisplay",
-]
+__all__ = sorted(name for name in globals() if name.endswith("Display"))

@@ -1,8 +1,12 @@
-"""Bars and steps over order bins between their exact edges, and over bins with names."""
+"""Bars and steps over order bins between their exact edges, and over bins with names.
+
+`ContributionsDisplay`: contributions of the bins to a decision.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import InitVar, dataclass, field
 from textwrap import fill
 from typing import Any
 
@@ -10,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm.displays import drawing
+from emacm.displays import drawing, drawn_values
 from emacm.orders.bins import Band
 from emacm.orders.columns import BinBlock, parse_bin_columns
 
@@ -22,17 +26,9 @@ def bin_blocks(columns: Sequence[Any]) -> list[BinBlock]:
     return list(parse_bin_columns(names) or one)
 
 
-def has_order_axis(block: BinBlock) -> bool:
-    """Return whether bins are drawn over the order: they have edges and do not overlap."""
-    if block.bands is None:
-        return False
-    low, high = block.bands[np.lexsort(block.bands.T[::-1])].T
-    return bool(np.all(high[:-1] <= low[1:] + 1e-9 * high[:-1]))
-
-
 def bin_places(block: BinBlock) -> NDArray[np.floating]:
-    """Return start and end of each bin on the x axis, shape (n_bins, 2)."""
-    if block.bands is not None and has_order_axis(block):
+    """Return start and end of each bin on the x axis, shape (n_bins, 2): orders, or numbers."""
+    if block.bands is not None:
         return block.bands
     centres = np.arange(len(block.names))[:, np.newaxis]
     return centres + np.array([-0.4, 0.4])  # names are 1 apart
@@ -48,18 +44,16 @@ def bin_frame(blocks: Sequence[BinBlock], values: dict[str, NDArray[np.floating]
 
 def bin_panels(ax: Any, blocks: Sequence[BinBlock]) -> NDArray[np.object_]:
     """Return one Axes for each block, with limits and names along x."""
-    same_bins = len({() if has_order_axis(block) else block.names for block in blocks}) == 1
-    axes = drawing.panel_axes(ax, len(blocks), shared="x" if same_bins else "")
-    over_order = [block for block in blocks if has_order_axis(block)]
-    edges = np.concatenate([bin_places(block) for block in over_order or blocks])
+    bands = [block.bands for block in blocks if block.bands is not None]
+    over_order = len(bands) == len(blocks)
+    axes = drawing.panel_axes(ax, len(blocks), share_x=over_order)
     for panel, block in zip(axes, blocks, strict=True):
-        if has_order_axis(block):
-            panel.set_xlim(edges.min(), edges.max())
-        else:
+        if block.bands is None:
             name_bins(panel, block.names)
-    label = drawing.ORDER_LABEL
-    named = "order bin" if any(block.bands is None for block in blocks) else f"bin, {label}"
-    drawing.label_x(axes, label if len(over_order) == len(blocks) else named)
+        else:
+            edges = np.concatenate(bands)
+            panel.set_xlim(edges.min(), edges.max())
+    drawing.label_x(axes, drawing.ORDER_LABEL if over_order else "order bin")
     return axes
 
 
@@ -106,6 +100,109 @@ def mark_panels(
     heights = [
         drawing.mark_orders(panel, lines, named=i == 0)
         for i, (panel, block) in enumerate(zip(axes, blocks, strict=True))
-        if has_order_axis(block)
+        if block.bands is not None
     ]
     return max(heights, default=0.0)
+
+
+@dataclass(eq=False, repr=False)
+class ContributionsDisplay(drawn_values.OrderDisplay):
+    """Contribution of each order bin to a decision, one panel for each channel.
+
+    Parameters
+    ----------
+    columns : sequence of str
+        Names ``channel@low-high`` or ``channel@name``, as written by `BinTransformer`.
+    contributions : array-like of shape (n_columns,)
+        Contribution of each bin [nats], signed: positive values are evidence for the decision.
+    fault_orders : DataFrame of `emacm.fault_orders`, or mapping of str to float, optional
+        Predicted fault orders, which are marked. Those outside of the bins are not drawn.
+    slip : float
+        Largest relative slip: a line that slips may be lower or higher by this fraction of its
+        order, and this range is shaded. In a mapping every order may slip.
+    decision : str
+        The decision that is explained.
+
+    Attributes
+    ----------
+    ax_ : ndarray of Axes, shape (n_channels,)
+        Set when the display is drawn.
+    figure_ : Figure
+        Figure of these Axes.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If contributions do not fit the columns or are not finite, or an option is invalid.
+
+    Examples
+    --------
+    >>> names = ["torque@0-1", "torque@3-4"]
+    >>> display = ContributionsDisplay(names, [-0.5, 2.0], fault_orders={"screw": 3.125})
+    >>> display.frame()["contribution"].to_dict()
+    {('torque', '0-1'): -0.5, ('torque', '3-4'): 2.0}
+    """
+
+    columns: InitVar[Sequence[Any]]
+    contributions: Any
+    decision: str = field(default="the decision", kw_only=True)
+
+    def __post_init__(self, columns: Sequence[Any]) -> None:
+        super().__post_init__()
+        self.blocks = bin_blocks(columns)
+        shape = (sum(len(block.names) for block in self.blocks),)
+        self.contributions = drawn_values.check_values(self.contributions, "contributions", shape)
+
+    @classmethod
+    def from_table(
+        cls, table: pd.DataFrame, *, ax: Any = None, **options: Any
+    ) -> ContributionsDisplay:
+        """Draw a table of contributions.
+
+        Parameters
+        ----------
+        table : DataFrame
+            Result of `explain_decision` or `explain_model`: one row per bin, with columns
+            "column" (its name) and "contribution".
+        ax : matplotlib Axes or sequence of Axes, optional
+            Where to draw: one Axes for each channel.
+        **options
+            As for the class: fault_orders, slip, decision.
+
+        Returns
+        -------
+        ContributionsDisplay
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a value or an option is invalid.
+        """
+        return cls(table["column"], table["contribution"], **options).plot(ax=ax)
+
+    def frame(self) -> pd.DataFrame:
+        """Return the contributions, one row per channel and bin."""
+        return bin_frame(self.blocks, {"contribution": self.contributions})
+
+    def _draw(self, ax: Any) -> Any:
+        axes = bin_panels(ax, self.blocks)
+        low, high = min(0, self.contributions.min()), max(0, self.contributions.max())
+        margin = 0.08 * (high - low)
+        limits = (low - margin, high + margin) if margin else (-1, 1)
+        for panel, block in zip(axes, self.blocks, strict=True):
+            values = self.contributions[block.columns]
+            for colour, hatch, word, shown in (
+                (drawing.COLOURS[2], "", "for", values >= 0),
+                (drawing.COLOURS[4], "////", "against", values < 0),
+            ):
+                low, high = bin_places(block)[shown].T
+                style = {"color": drawing.tint(colour, 0.6), "edgecolor": "black", "hatch": hatch}
+                panel.bar(low, values[shown], high - low, align="edge", linewidth=0.5, **style)
+                if panel is axes[0]:
+                    label = drawing.wrapped(f"evidence {word} {self.decision}")
+                    panel.fill_between([], [], label=label, linewidth=0.5, **style)
+            panel.axhline(0, color="black", linewidth=0.6)
+            panel.set_ylim(limits)  # equal in all channels, for comparison
+            drawing.label_y(panel, f"contribution of {block.channel}", "nats")
+        drawing.legend_above(axes[0], gap=mark_panels(axes, self.blocks, self.fault_orders))
+        return axes

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from emacm._checks import check_choice
 from emacm.displays import drawing as _drawing
 from emacm.displays import drawn_values as _tables
 from emacm.displays.drawing import Display
@@ -18,7 +19,6 @@ from emacm.machine.bearing_recipe import envelope_spectra
 from emacm.machine.fault_lines import LineLevels, resolved
 from emacm.machine.fault_orders import Parts, damage_series
 from emacm.machine.fault_spectra import longest_stroke
-from emacm.orders.columns import column_names, parse_order_columns
 from emacm.recordings.recording import Recording
 
 
@@ -70,11 +70,8 @@ class FaultLinesDisplay(Display):
     def __post_init__(self) -> None:
         self.orders, self.spectrum = np.asarray(self.orders), np.asarray(self.spectrum)
         series = damage_series(self.parts, 3)
-        known = [fault.name for fault in series]
-        if not set(self.faults or ()) <= set(known):
-            raise ValueError(
-                f"faults must be of the parts, {known}; got {list(self.faults or ())}."
-            )
+        for name in self.faults or ():
+            check_choice(name, "faults", tuple(fault.name for fault in series))
         shown = [f for f in series if self.faults is None or f.name in self.faults]
         self._series = resolved(shown, self.orders)
         self._levels = LineLevels(self.orders, self._series, 0.02, 0.5, without_shaft=True)
@@ -116,10 +113,9 @@ class FaultLinesDisplay(Display):
         chosen = _tables.chosen_channels(recording, channel and [channel])[0]
         length = min(25, max(1, int(longest_stroke(recording))))  # as `find_faults`
         spectra = envelope_spectra(damage_series(parts, 3), 0.02, length, [chosen])
-        table = spectra.fit_transform([recording])
-        (block,) = parse_order_columns(column_names(table) or ()) or ()
-        spectrum = np.asarray(table)[0, block.columns]
-        return cls(block.orders, spectrum, parts, channel=chosen, **options).plot(ax=ax)
+        (spectrum,) = np.asarray(spectra.fit_transform([recording]))
+        orders = spectra[-1].orders_
+        return cls(orders, spectrum, parts, channel=chosen, **options).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
         """Return the lines: one row per fault and harmonic.
@@ -142,11 +138,10 @@ class FaultLinesDisplay(Display):
         table = self.frame()
         drawn = (self.orders > 0) & (self.orders <= table["high"].max() + 0.5)
         background = self._levels.background(self.spectrum[np.newaxis])[0]
-        for power, look, label in (
-            (self.spectrum, {"linewidth": 0.9, "color": "0.35"}, "order spectrum"),
-            (background, {"linewidth": 1.4, "color": "0", "linestyle": "--"}, "local background"),
-        ):
-            ax.plot(self.orders[drawn], _drawing.decibels(power[drawn]), label=label, **look)
+        shown = self.orders[drawn]
+        levels = _drawing.decibels(np.array([self.spectrum, background])[:, drawn])
+        ax.plot(shown, levels[0], linewidth=0.9, color="0.35", label="order spectrum")
+        ax.plot(shown, levels[1], "--", linewidth=1.4, color="0", label="local background")
         step = self.orders[1] - self.orders[0]
         for number, fault in enumerate(self._series, 1):
             lines = table.loc[fault.name]
@@ -158,7 +153,7 @@ class FaultLinesDisplay(Display):
             style = {"color": _drawing.colour_of(number), "label": f"{fault.name}: {heights} dB"}
             top = _drawing.decibels(self.spectrum[tops])
             ax.plot(self.orders[tops], top, linestyle="", marker=marker, markersize=5, **style)
-        ax.set_xlim(0, self.orders[drawn][-1])
+        ax.set_xlim(0, shown[-1])
         marks = table.rename(columns={"predicted": "order"})[["order", "low", "high"]]
         marks.index = [name if k == 1 else f"{k}x{name}" for name, k in table.index]
         gap = _drawing.mark_orders(ax, marks)

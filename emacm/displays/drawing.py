@@ -81,7 +81,7 @@ def wrapped(label: Any) -> str:
 
 
 def panel_axes(
-    ax: Any, n_panels: int = 1, *, height: float = 1.7, shared: str = "x"
+    ax: Any, n_panels: int = 1, *, height: float = 1.7, share_x: bool = True, **options: Any
 ) -> NDArray[np.object_]:
     """Return one Axes for each panel: the given ones, or those of a new figure, in one column.
 
@@ -93,8 +93,10 @@ def panel_axes(
         Number of Axes needed.
     height : float
         Height of each panel of a new figure [inches].
-    shared : {"", "x", "xy"}
-        Axes that the panels of a new figure share.
+    share_x : bool
+        Whether the panels of a new figure share their x axis.
+    **options
+        As for ``Figure.subplots``: subplot_kw.
 
     Returns
     -------
@@ -109,9 +111,8 @@ def panel_axes(
     """
     if ax is None:
         size = (WIDTH, max(3.2, 1.0 + height * n_panels))
-        options = {"sharex": "x" in shared, "sharey": "y" in shared, "squeeze": False}
         figure = pyplot().figure(figsize=size, layout="constrained")
-        return figure.subplots(n_panels, **options).reshape(-1)
+        return figure.subplots(n_panels, sharex=share_x, squeeze=False, **options).reshape(-1)
     given = np.asarray(ax, dtype=object).reshape(-1)
     if len(given) != n_panels:
         raise ValueError(
@@ -152,14 +153,12 @@ def label_x(axes: NDArray[np.object_], label: str) -> None:
 
 def date_axis(ax: Any, times: pd.Series) -> None:
     """Mark the range of dates on the x axis as shortly as is unambiguous; of one date, a minute."""
-    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+    from matplotlib.dates import ConciseDateFormatter
 
     low, high = times.min(), times.max()
     margin = 0.05 * (high - low) or pd.Timedelta(seconds=30)
     ax.set_xlim(low - margin, high + margin)
-    locator = AutoDateLocator(minticks=3, maxticks=8)
-    ax.xaxis.set_major_locator(locator)
-    ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+    ax.xaxis.set_major_formatter(ConciseDateFormatter(ax.xaxis.get_major_locator()))
 
 
 def label_y(ax: Any, quantity: str, unit: str) -> None:
@@ -293,13 +292,11 @@ def squared(unit: str) -> str:
 
     Examples
     --------
-    >>> squared("A"), squared("m/s²"), squared("(m/s²)²"), squared("V²"), squared("1")
-    ('A²', '(m/s²)²', '(m/s²)⁴', 'V⁴', '1')
+    >>> squared("A"), squared("m/s²"), squared("(m/s²)²"), squared("V²")
+    ('A²', '(m/s²)²', '(m/s²)⁴', 'V⁴')
     """
     if unit.endswith("²") and (unit.endswith(")²") or not any(sign in unit for sign in "/ ")):
         return f"{unit[:-1]}⁴"
-    if unit == "1":
-        return unit
     return f"({unit})²" if any(sign in unit for sign in "/ ") else f"{unit}²"
 
 

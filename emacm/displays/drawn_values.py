@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from sklearn.pipeline import Pipeline, make_pipeline
-from sklearn.utils import check_consistent_length
 
 from emacm._checks import check_number
 from emacm.decisions.pipelines import parts_of
@@ -18,13 +16,8 @@ from emacm.displays.drawing import Display, squared
 from emacm.envelopes.envelope import EnvelopeSeries
 from emacm.envelopes.envelope_detector import EnvelopeDetector, envelope_names
 from emacm.machine.fault_orders import named_orders, slip_ranges
-from emacm.orders.columns import BinBlock, OrderBlock
 from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.recording import Recording
-
-Block = TypeVar("Block", OrderBlock, BinBlock)
-
-ENVELOPES = ("amplitude", "squared")
 
 
 def check_values(
@@ -84,42 +77,10 @@ def predicted_lines(
     return pd.DataFrame({"order": orders, "low": low, "high": high}, index=names)
 
 
-def channel_blocks(
-    blocks: Sequence[Block] | None, channel: str | Sequence[str] | None
-) -> list[Block]:
-    """Choose the columns of one channel, of several, or of all.
-
-    Parameters
-    ----------
-    blocks : sequence of OrderBlock or BinBlock, or None
-        Columns of each channel, read from their names; None if names have another form.
-    channel : str, sequence of str or None
-        Channels to choose; None for all.
-
-    Returns
-    -------
-    list of OrderBlock or BinBlock
-
-    Raises
-    ------
-    ValueError
-        If there is no order axis, or no such channel.
-    """
-    if blocks is None:
-        raise ValueError(
-            "the table has no order axis; pass the result of OrderPSD (or of BinTransformer under "
-            "set_output(transform='pandas')) with its column names, or use from_estimator."
-        )
-    known = {block.channel: block for block in blocks}
-    wanted = [channel] if isinstance(channel, str) else list(known if channel is None else channel)
-    check_channel_names(list(known), wanted, "the table")
-    return [known[name] for name in wanted]
-
-
 def envelopes_of(estimator: Any) -> dict[str, str]:
     """Return the envelope channels that the steps of a fitted pipeline compute."""
     return {
-        name: ENVELOPES[bool(step.squared)]
+        name: "squared" if step.squared else "amplitude"
         for step in parts_of(estimator)
         if isinstance(step, EnvelopeDetector)
         for channel, band in getattr(step, "bands_", {}).items()
@@ -130,16 +91,10 @@ def envelopes_of(estimator: Any) -> dict[str, str]:
 def envelopes_in(recording: Recording) -> dict[str, str]:
     """Return the channels of a recording that are envelopes."""
     return {
-        name: ENVELOPES[bool(series.squared)]
+        name: "squared" if series.squared else "amplitude"
         for name, series in recording.series.items()
         if isinstance(series, EnvelopeSeries)
     }
-
-
-def units_in(X: Any) -> dict[str, str]:
-    """Return the units of the channels of the first recording; none for other input."""
-    first = X[0] if isinstance(X, Sequence) and len(X) else None
-    return dict(first.units) if isinstance(first, Recording) else {}
 
 
 def quantity_of(
@@ -153,7 +108,7 @@ def quantity_of(
         Such as "PSD"; empty for the signal itself.
     channel : str
         Name of the channel; columns by direction, ``current+``, have the unit of the channel, and
-        envelopes, ``vibration_envelope``, that of the longest name that they begin with.
+        envelopes, ``vibration_500-900Hz``, that of the longest name that they begin with.
     units : str or mapping of str to str
         Unit of all channels, or of each.
     envelopes : mapping of str to {"amplitude", "squared"}
@@ -166,58 +121,23 @@ def quantity_of(
 
     Examples
     --------
-    >>> quantity_of("PSD", "vib_envelope", {"vib": "g"}, {"vib_envelope": "squared"})
-    ('squared envelope order spectrum of vib', 'g²')
+    >>> quantity_of("PSD", "vib_5-9Hz", {"vib": "g"}, {"vib_5-9Hz": "squared"})
+    ('squared envelope order spectrum of vib_5-9Hz', 'g²')
     >>> quantity_of("", "current+", {"current": "A"}, {})
     ('current+', 'A')
     """
     base = channel.rstrip("+-")
-    kind = envelopes.get(channel, envelopes.get(base))
+    kind = envelopes.get(base)
     if isinstance(units, str):
         unit = units
     else:
         first = [name for name in units if kind is not None and channel.startswith(name)]
         unit = units.get(channel) or units.get(max(first, key=len, default=base), "unit")
     if kind is not None:
-        channel = channel.removesuffix("_envelope")
         quantity = f"envelope {'order spectrum' if quantity == 'PSD' else quantity}".rstrip()
     if kind == "squared":
         quantity, unit = f"squared {quantity}", squared(unit)
     return (f"{quantity} of {channel}" if quantity else channel), unit
-
-
-def means_by_label(
-    values: ArrayLike, labels: ArrayLike | None, otherwise: str
-) -> dict[str, NDArray[np.floating]]:
-    """Average the recordings of each label; without labels, all under the name `otherwise`.
-
-    Raises
-    ------
-    ValueError
-        If a value is not finite, or the number of labels differs.
-    """
-    table = check_values(values, "the table", (None, None))
-    groups = np.asarray([otherwise] * len(table) if labels is None else labels)
-    check_consistent_length(table, groups)
-    means = pd.DataFrame(table).groupby(groups, dropna=False).mean()
-    return dict(zip(means.index.map(str), means.to_numpy(), strict=True))
-
-
-def pipeline_to(estimator: Any, kind: type) -> Pipeline:
-    """Return the steps of a fitted pipeline up to the last one of a kind.
-
-    Raises
-    ------
-    ValueError
-        If there is no such step.
-    """
-    pipeline = estimator if isinstance(estimator, Pipeline) else make_pipeline(estimator)
-    places = [number for number, step in enumerate(pipeline, 1) if isinstance(step, kind)]
-    if not places:
-        raise ValueError(
-            f"estimator must be or contain {kind.__name__}; its steps are {[*pipeline]}."
-        )
-    return pipeline[: places[-1]]
 
 
 @dataclass(eq=False, repr=False, kw_only=True)

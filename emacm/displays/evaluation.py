@@ -25,7 +25,6 @@ RATES = {
 }
 _ENDS = ("", "_low", "_high")  # of a rate and its interval
 CENTRED = {"ha": "center", "va": "center", "fontsize": drawing.SMALL}
-CURVE = ["confidence", "frequency", "low", "high", "count"]
 
 
 @dataclass(eq=False, repr=False)
@@ -200,7 +199,8 @@ class EvaluationDisplay(Display):
 
     def _draw_reliability(self, panel: Any, curve: pd.DataFrame) -> None:
         panel.plot([0, 100], [0, 100], color="0.5", linestyle="--", linewidth=1)
-        confidence, frequency, low, high = 100 * curve[CURVE[:4]].to_numpy(float).T
+        names = ["confidence", "frequency", "low", "high"]
+        confidence, frequency, low, high = 100 * curve[names].to_numpy(float).T
         panel.vlines(confidence, low, high, color=drawing.PLAIN, linewidth=1.4)
         panel.plot(confidence, frequency, "-", color=drawing.PLAIN, linewidth=0.8)
         sizes = 12 + 90 * curve["count"].to_numpy(float) / curve["count"].sum()
@@ -324,16 +324,14 @@ class OutcomesDisplay(Display):
             recordings are healthy, and `classes` are not given), so that false alarms and
             inspections cannot be distinguished.
         """
-        truths, decided = label_list(y_true, "y_true"), label_list(y_pred, "y_pred")
+        truths = pd.Series(label_list(y_true, "y_true"), dtype=object)
+        decided = pd.Series(label_list(y_pred, "y_pred"), dtype=object)
         if conditions is None:
             conditions = np.full(len(truths), "all recordings")
         check_consistent_length(truths, decided, conditions)
         states = {*truths, *label_list(() if classes is None else classes)}
-        is_correct = np.array([one == other for one, other in zip(truths, decided, strict=True)])
-        inspected = np.array([decision not in (*states, healthy) for decision in decided])
-        is_healthy, called_healthy = (
-            np.array([label == healthy for label in side]) for side in (truths, decided)
-        )
+        inspected = ~decided.isin([*states, healthy])
+        is_healthy, called_healthy = truths == healthy, decided == healthy
         if not (is_healthy.any() or called_healthy.any()):
             raise ValueError(f"healthy = {healthy!r} is neither in y_true nor in y_pred.")
         if states == {healthy} and not called_healthy.all():
@@ -342,7 +340,7 @@ class OutcomesDisplay(Display):
                 f"Give classes, such as model.classes_."
             )
         outcome = np.select(
-            [is_correct, inspected, is_healthy, called_healthy],
+            [truths == decided, inspected, is_healthy, called_healthy],
             ["correct", "inspection", "false alarm", "missed detection"],
             "wrong fault",
         )

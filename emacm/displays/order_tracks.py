@@ -120,9 +120,9 @@ class OrderTrackDisplay(Display):
                 label = f"order {order:g}{'' if direction > 0 else ', reverse'}"
                 if label in axes[0].get_legend_handles_labels()[1]:
                     label = "_"
-                style: dict[str, Any] = {"color": drawing.colour_of(number), "label": label}
-                style |= {"linestyle": "-" if direction > 0 else "--"}
-                style |= {"linewidth": 1.1, "marker": "." if len(part) == 1 else ""}
+                style: Any = {"color": drawing.colour_of(number), "label": label, "linewidth": 1.1}
+                style["linestyle"] = "-" if direction > 0 else "--"
+                style["marker"] = "." if len(part) == 1 else ""
                 axes[0].plot(x, part["amplitude"], **style)
                 axes[1].plot(*_broken(x.to_numpy(), np.degrees(part["phase"])), **style)
         words = f"amplitude of {self.track['channel'].iloc[0]}"
@@ -137,30 +137,21 @@ class OrderTrackDisplay(Display):
         return axes
 
     def _draw_polar(self, ax: Any, lines: dict[float, pd.DataFrame]) -> Any:
-        if ax is None:
-            columns = min(len(lines), 2)
-            n_rows = -(-len(lines) // columns)
-            size = (drawing.WIDTH, drawing.WIDTH / columns * n_rows)
-            figure = drawing.pyplot().figure(figsize=size, layout="constrained")
-            places = range(1, 1 + len(lines))
-            axes = [figure.add_subplot(n_rows, columns, n, projection="polar") for n in places]
-        else:
-            axes = list(drawing.panel_axes(ax, len(lines)))
+        polar: Any = {"subplot_kw": {"projection": "polar"}, "share_x": False}
+        axes = drawing.panel_axes(ax, len(lines), height=4.0, **polar)
         for panel, (number, (order, rows)) in zip(axes, enumerate(lines.items(), 1), strict=True):
             for part, direction in _parts(rows):
-                style = {"color": drawing.colour_of(number)}
-                style["linestyle"] = "-" if direction > 0 else "--"
-                panel.plot(part["phase"], part["amplitude"], linewidth=1.1, **style)
+                line, colour = "-" if direction > 0 else "--", drawing.colour_of(number)
+                panel.plot(part["phase"], part["amplitude"], line, color=colour, linewidth=1.1)
             for row in rows.iloc[_apart(rows)].itertuples():
                 panel.plot(row.phase, row.amplitude, ".", color="0.2")
-                near: dict[str, Any] = {"xytext": (4, 2), "textcoords": "offset points"}
                 text = f"{abs(row.speed) / unit_factor('rpm', 'velocity'):.0f}"
-                panel.annotate(text, (row.phase, row.amplitude), fontsize=drawing.SMALL, **near)
-            title = f"order {order:g} of {self.track['channel'].iloc[0]}"
-            text = f"{title}\n[{self.unit}, peak]; marks: rpm"
-            panel.set_title(text, fontsize=drawing.SMALL)
+                place, small = (row.phase, row.amplitude), drawing.SMALL
+                panel.annotate(text, place, (4, 2), textcoords="offset points", fontsize=small)
+            of = f"of {self.track['channel'].iloc[0]}\n[{self.unit}, peak]; marks: rpm"
+            panel.set_title(f"order {order:g} {of}", fontsize=drawing.SMALL)
             panel.tick_params(labelsize=drawing.SMALL)
-        return np.array(axes, dtype=object)
+        return axes
 
 
 def _parts(rows: pd.DataFrame) -> Iterator[tuple[pd.DataFrame, int]]:

@@ -63,23 +63,6 @@ class PlaneDisplay(Display):
         drawing.legend_above(ax, handles=pairs, labels=drawn, title=title)
 
 
-def plane_points(X: ArrayLike, estimator: Any) -> NDArray[np.floating]:
-    """Return the recordings to be drawn, shape (n_recordings, 2), for a fitted classifier.
-
-    Raises
-    ------
-    ValueError
-        If there are not two features, or a value is not finite.
-    """
-    check_is_fitted(estimator)
-    if estimator.n_features_in_ != 2:
-        raise ValueError(
-            f"two features are drawn, but the classifier was fitted on {estimator.n_features_in_}. "
-            f"Fit it on two of them."
-        )
-    return drawn_values.check_values(X, "X", (None, 2))
-
-
 @dataclass(eq=False, repr=False)
 class FeatureDensityDisplay(PlaneDisplay):
     """Recordings in a plane of two features, and the Gaussian density of each class.
@@ -173,14 +156,14 @@ class FeatureDensityDisplay(PlaneDisplay):
         TypeError, ValueError
             If there are not two features, a value is not finite, or an option is invalid.
         """
-        points = plane_points(X, estimator)
+        check_is_fitted(estimator)
         means = np.asarray(estimator.means_)
         covariances = np.asarray(estimator.covariances_)
         if estimator.covariance == "diag":
             covariances = covariances[:, np.newaxis] * np.eye(2)
         covariances = np.broadcast_to(covariances, (len(means), 2, 2))
         classes = list(estimator.classes_)
-        return cls(classes, means, covariances, points, y, **options).plot(ax=ax)
+        return cls(classes, means, covariances, X, y, **options).plot(ax=ax)
 
     def ellipse(self, number: int, share: float) -> NDArray[np.floating]:
         """Return the ellipse that contains a share of the probability of a class.
@@ -309,7 +292,7 @@ class DecisionRegionsDisplay(PlaneDisplay):
         TypeError, ValueError
             If there are not two features, a value is not finite, or an option is invalid.
         """
-        points = plane_points(X, estimator)
+        points = drawn_values.check_values(X, "points", (None, 2))
         unknown = options.setdefault("unknown", getattr(estimator, "unknown", None))
         margin = 0.08 if unknown is None else 1.0
         low, high = points.min(axis=0), points.max(axis=0)

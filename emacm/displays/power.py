@@ -8,13 +8,16 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from sklearn.utils import check_consistent_length
 
+from emacm.decisions.pipelines import parts_with_input
 from emacm.displays import bars, drawing, drawn_values
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.bins import check_stop_bands
 from emacm.orders.columns import column_names, parse_bin_columns, parse_order_columns
 from emacm.orders.order_psd import OrderPSD
+from emacm.recordings.inputs import check_channel_names
 
 
 @dataclass(eq=False, repr=False, kw_only=True)
@@ -68,9 +71,9 @@ class PowerDisplay(drawn_values.OrderDisplay):
             If the table has no order axis or no such channel, labels do not fit it, or an option
             is invalid.
         """
-        blocks = drawn_values.channel_blocks(cls._parse(column_names(table) or ()), channel)
+        blocks = _channel_blocks(cls._parse(column_names(table) or ()), channel)
         single = channel if isinstance(channel, str) else None
-        means = drawn_values.means_by_label(table, labels, single or "all recordings")
+        means = _means_by_label(table, labels, single or "all recordings")
         return cls._of_means(means, blocks, single, **options).plot(ax=ax)
 
     @classmethod
@@ -81,9 +84,9 @@ class PowerDisplay(drawn_values.OrderDisplay):
 
         Parameters
         ----------
-        estimator : OrderPSD, BinTransformer, or Pipeline with such a step
-            Fitted. Steps after the one that is drawn are not used. Envelope channels, `scaling`
-            and `stop_bands` are taken from the steps, units from the first recording.
+        estimator : OrderPSD, BinTransformer, or Pipeline or search with such a step
+            Fitted. Steps after the first one that is drawn are not used. Envelope channels,
+            `scaling` and `stop_bands` are taken from the steps, units from the first recording.
         X : list of Recording
             Recordings, or the input of the first step.
         channel : str or sequence of str, optional
@@ -100,12 +103,14 @@ class PowerDisplay(drawn_values.OrderDisplay):
         TypeError, ValueError
             If the pipeline has no such step, and as for `from_table`.
         """
-        pipeline = drawn_values.pipeline_to(estimator, cls._step)
-        step, values = pipeline[-1], np.asarray(pipeline.transform(X))
+        step, own = next(parts_with_input(estimator, X, cls._step), (None, None))
+        if step is None:
+            raise ValueError(f"estimator must be or contain {cls._step.__name__}; got {estimator}.")
+        values = np.asarray(step.transform(own))
         table = pd.DataFrame(values, columns=step.get_feature_names_out())
         known = {option: getattr(step, option) for option in cls._from_step}
         known["envelopes"] = drawn_values.envelopes_of(estimator)
-        known["unit"] = drawn_values.units_in(X) or "unit"
+        known["unit"] = getattr(next(iter(X), None), "units", None) or "unit"
         return cls.from_table(table, channel, **(known | options))
 
     def _label_power(self, panel: Any, channel: str, quantity: str, per: str = "") -> None:
@@ -236,7 +241,7 @@ class OrderSpectrumDisplay(PowerDisplay):
 class OrderBinsDisplay(PowerDisplay):
     """Power in order bins, a stepped line for each group of recordings, a panel for each channel.
 
-    Bins that overlap are drawn side by side, under their names.
+    Bins without edges in their names, ``channel@name``, are drawn side by side.
 
     Parameters
     ----------
@@ -308,8 +313,55 @@ class OrderBinsDisplay(PowerDisplay):
                 levels = drawing.decibels(self.powers[label][block.columns])
                 alone = {"linestyle": "-"} if len(self.powers) == 1 else {}
                 bars.draw_steps(panel, bars.bin_places(block), levels, label, number, **alone)
-            if bars.has_order_axis(block):
+            if block.bands is not None:
                 bars.draw_stop_bands(panel, self.stop_bands)  # last in the legend
             self._label_power(panel, block.channel, "power")
         drawing.legend_above(axes[0], gap=bars.mark_panels(axes, self.blocks, self.fault_orders))
         return axes
+
+
+def _channel_blocks(blocks: Sequence[Any] | None, channel: str | Sequence[str] | None) -> list[Any]:
+    """Choose the columns of one channel, of several, or of all.
+
+    Parameters
+    ----------
+    blocks : sequence of OrderBlock or BinBlock, or None
+        Columns of each channel, read from their names; None if names have another form.
+    channel : str, sequence of str or None
+        Channels to choose; None for all.
+
+    Returns
+    -------
+    list of OrderBlock or BinBlock
+
+    Raises
+    ------
+    ValueError
+        If there is no order axis, or no such channel.
+    """
+    if blocks is None:
+        raise ValueError(
+            "the table has no order axis; pass the result of OrderPSD (or of BinTransformer under "
+            "set_output(transform='pandas')) with its column names, or use from_estimator."
+        )
+    known = {block.channel: block for block in blocks}
+    wanted = [channel] if isinstance(channel, str) else list(known if channel is None else channel)
+    check_channel_names(list(known), wanted, "the table")
+    return [known[name] for name in wanted]
+
+
+def _means_by_label(
+    values: ArrayLike, labels: ArrayLike | None, otherwise: str
+) -> dict[str, NDArray[np.floating]]:
+    """Average the recordings of each label; without labels, all under the name `otherwise`.
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite, or the number of labels differs.
+    """
+    table = drawn_values.check_values(values, "the table", (None, None))
+    groups = np.asarray([otherwise] * len(table) if labels is None else labels)
+    check_consistent_length(table, groups)
+    means = pd.DataFrame(table).groupby(groups, dropna=False).mean()
+    return dict(zip(means.index.map(str), means.to_numpy(), strict=True))

@@ -1,4 +1,8 @@
-"""One recording: signals and shaft speed over time, and its order map over time or speed."""
+"""One recording: signals and shaft speed over time, and its order map over time or speed.
+
+Spectra and maps over frequency in Hz are drawn beside those over orders: a resonance stays at its
+own.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy  # scipy.signal is imported when it is used
 from numpy.typing import NDArray
 
 from emacm._checks import check_choice
@@ -346,3 +351,45 @@ def _segments(
     intervals = path.start_time + np.interp(travel, angles, np.arange(len(angles))) / path.fs
     turned = np.diff(travel)[:, 0] * (stroke.direction or 1)
     return psd, intervals, turned / np.diff(intervals)[:, 0]
+
+
+def draw_spectra_in_hertz(
+    recordings: Mapping[str, Recording], channel: str, highest: float, ax: Any
+) -> None:
+    """Draw the power spectra of a channel, up to the frequency of the highest order."""
+    several = len(recordings) > 1
+    tops = []
+    for number, recording in enumerate(recordings.values(), several):
+        fs, signal = recording.fs[channel], recording.signals[channel]
+        frequency, psd = scipy.signal.welch(signal, fs, nperseg=min(len(signal), int(2 * fs)))
+        style = drawing.line_style(number) if several else {"color": drawing.PLAIN}
+        ax.plot(frequency[1:], drawing.decibels(psd[1:]), linewidth=0.8, **style)
+        tops.append(min(_frequency(recording, highest), frequency[-1]))
+    ax.set_xlim(0, max(tops))
+    unit = next(iter(recordings.values())).units.get(channel, "unit")
+    drawing.label_axes(ax, "frequency [Hz]", f"PSD [dB re 1 {drawing.squared(unit)}/Hz]")
+
+
+def draw_map_in_hertz(
+    recording: Recording, display: OrderMapDisplay, highest: float, ax: Any
+) -> None:
+    """Draw an order map over frequency, in segments as long in time as its middle one."""
+    channel, fs = display.channel, recording.fs[display.channel]
+    length = int(np.median(np.diff(display.intervals, axis=1)) * fs)
+    frequency, times, psd = scipy.signal.spectrogram(
+        recording.signals[channel], fs, "hann", length, length // 2
+    )
+    inside = frequency <= _frequency(recording, highest)
+    known = np.arange(len(recording.velocity)) / recording.shaft_fs
+    speeds = np.interp(times, known, recording.velocity)
+    intervals = times[:, np.newaxis] + length / fs * np.array([-0.5, 0.5])
+    options: Any = {"over": display.over, "channel": channel, "unit": display.unit}
+    lower = OrderMapDisplay(frequency[inside], psd[inside].T, intervals, speeds, **options)
+    lower.plot(ax=ax)
+    ax.set_ylabel("frequency [Hz]")
+    lower.colorbar_.set_label(f"PSD of {channel} [dB re 1 {drawing.squared(display.unit)}/Hz]")
+
+
+def _frequency(recording: Recording, order: float) -> float:
+    """Return the frequency of an order at the highest speed [Hz]."""
+    return float(order * np.abs(recording.velocity).max() / (2 * np.pi))

@@ -88,7 +88,7 @@ PROJECTED = (
 )
 
 
-def unknown_statements(table: pd.DataFrame, nearest: str) -> list[str]:
+def unknown_statements(table: pd.DataFrame) -> list[str]:
     """State which channels and orders of a recording deviate from the training, and how.
 
     Parameters
@@ -96,8 +96,6 @@ def unknown_statements(table: pd.DataFrame, nearest: str) -> list[str]:
     table : DataFrame
         Columns "column", "channel", "low", "high", those of `find_deviations`, and "contribution"
         to the distance; one row for each column of the table of the model.
-    nearest : str
-        Name of the nearest class.
 
     Returns
     -------
@@ -109,13 +107,10 @@ def unknown_statements(table: pd.DataFrame, nearest: str) -> list[str]:
     stated = []
     for part in deviating_ranges(far, "outside_training"):
         peak = part.loc[part["outside_training"].abs().idxmax()]
-        size, above = peak["outside_training"], peak["outside_training"] > 0
-        limit = f"the training {'maximum' if above else 'minimum'}"
-        if peak["unit"] != "dB":
-            size, limit = peak["deviation"], repr(nearest)
-        way = "above" if above else "below"
+        size = peak["outside_training"]
+        limit = "above the training maximum" if size > 0 else "below the training minimum"
         up_to = "up to " if len(part) > 1 else ""
-        text = f"{_place(part)} {up_to}{abs(size):.2g} {peak['unit']} {way} {limit}"
+        text = f"{_place(part)} {up_to}{abs(size):.2g} {peak['unit']} {limit}"
         stated.append((part["weight"].sum(), text))
     stated.sort(key=lambda pair: -pair[0])
     if not stated:
@@ -254,9 +249,6 @@ def _learned(
     if is_projected:
         raise ValueError(f"{PROJECTED}.")
     code = classifier.classes_.tolist().index(reference)
-    covariances = np.asarray(classifier.covariances_)
-    if classifier.covariance == "tied":
-        variances = np.diag(covariances)
-    else:
-        variances = covariances[code] if covariances.ndim == 2 else np.diag(covariances[code])
-    return classifier.means_[code], np.sqrt(variances)
+    covariance = np.asarray(classifier.covariances_)
+    own = covariance if classifier.covariance == "tied" else covariance[code]
+    return classifier.means_[code], np.sqrt(own if own.ndim == 1 else np.diag(own))

@@ -276,8 +276,8 @@ def _bin_frame(names: Sequence[Any]) -> pd.DataFrame:
     column = pd.Series(list(map(str, names)), dtype=object, name="column")
     number = r"[0-9]+(?:\.[0-9]*)?(?:[eE][+-]?[0-9]+)?"
     orders = column.str.extract(rf"@({number})(?:-({number}))?$").astype(np.float64)
-    of_bin, of_feature = column.str.extract("^(.*)@|^([^:@]*):").to_numpy().T
-    channel = np.where(pd.isna(of_bin), np.where(pd.isna(of_feature), "", of_feature), of_bin)
+    channels = column.str.extract("^(.*)@|^([^:@]*):")  # of a bin, or of another feature
+    channel = channels[0].fillna(channels[1]).fillna("")
     low = orders[0]
     return pd.DataFrame(
         {"column": column, "channel": channel, "low": low, "high": orders[1].fillna(low)}

@@ -147,8 +147,7 @@ def _heights(psd: Spectra, orders: NDArray[np.floating]) -> Array:
     step = (orders[-1] - orders[0]) / max(len(orders) - 1, 1)
     side = max(round(0.5 / step), 8) if step > 0 else 8
     floor = np.maximum(_FLOOR * psd.max(axis=1, keepdims=True), 0.0)
-    heights = line_heights(np.maximum(psd, floor), 2 * side + 1, 0.25)
-    return np.maximum(heights, -20.0, out=heights)
+    return np.maximum(line_heights(np.maximum(psd, floor), 2 * side + 1, 0.25), -20.0)
 
 
 def _left_out(highest: Array) -> tuple[Array, Array]:
@@ -218,8 +217,7 @@ def _of_channel(
             f"{where} of {channel!r}, {up_to}{heights[peak]:.0f} dB above the background and "
             f"{excess:.0f} dB above the training maximum"
         )
-        limit = float(limits[peak])
-        found.append(Statement("new line", channel, text, value=excess, limit=limit))
+        found.append(Statement("new line", channel, text, value=excess, limit=float(limits[peak])))
     return found
 
 
@@ -253,10 +251,6 @@ def line_heights(psd: Spectra, width: int, quantile: float = 0.5) -> Array:
     padded = np.pad(psd, ((0, 0), (half, half)), mode="reflect")
     # As one row, for which SciPy has a fast algorithm; the padding keeps the rows apart.
     floor = ndimage.rank_filter(padded.ravel(), int(quantile * width), size=width)
-    floor = floor.reshape(padded.shape)
     tiny = np.finfo(np.float64).tiny
-    heights = np.maximum(psd, tiny)
-    heights /= np.maximum(floor[:, half : half + psd.shape[1]], tiny)
-    np.log10(heights, out=heights)
-    heights *= 10
-    return heights
+    around = floor.reshape(padded.shape)[:, half : half + psd.shape[1]]
+    return 10 * np.log10(np.maximum(psd, tiny) / np.maximum(around, tiny))

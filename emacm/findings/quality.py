@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
@@ -78,29 +79,26 @@ def recording_quality(row: Any) -> Quality:
 
 def _quality(over_angle: Any) -> Quality:
     recording, names, ratio = over_angle.measured, over_angle.channels, over_angle.ratio
-    velocity, low = recording.velocity, over_angle.min_speed
+    speed = np.abs(recording.velocity)
     # What "travel" joins is judged stroke by stroke.
     joined = over_angle.direction == "travel"
     paths = (replace(over_angle, direction="strokes") if joined else over_angle).paths
     spans = [path.span for path in paths]
-    ranges = [speed_range(velocity[start:stop]) for start, stop in spans]
     turned = [path.length / (2 * np.pi) for path in paths]
-    slowest_speed = min((least for least, _ in ranges), default=0.0)
-    fastest = ratio * max((most for _, most in ranges), default=0.0)
+    slowest_speed = min((float(speed[start:stop].min()) for start, stop in spans), default=0.0)
+    fastest = ratio * max((float(speed[start:stop].max()) for start, stop in spans), default=0.0)
     limits = {name: _highest_frequency(recording, name) for name in names}
     slowest = min(names, key=limits.__getitem__)
-    always = spans == [(0, len(velocity))] and slowest_speed > low
-    standing = 0.0 if always else float(np.mean(np.abs(velocity) <= low))
     row: dict[str, float] = {
         "revolutions": float(sum(turned)),
         "strokes": len(paths),
         "longest_stroke": float(max(turned, default=0.0)),
-        "standing": standing,
+        "standing": float(np.mean(speed <= over_angle.min_speed)),
         "slowest": ratio * slowest_speed,
         "fastest": fastest,
         "max_order": limits[slowest] / (fastest / (2 * np.pi)) if fastest else np.inf,
     }
-    parts = [(start / len(velocity), stop / len(velocity)) for start, stop in spans]
+    parts = [(start / len(speed), stop / len(speed)) for start, stop in spans]
     checks = {name: check_channel(recording.series[name], name, parts) for name in names}
     n_short = sum(length < 1 for length in turned)
     defects = [*_motion_defects(over_angle, row, slowest, n_short)]
@@ -110,19 +108,6 @@ def _quality(over_angle: Any) -> Quality:
     units = {name: unit for name, unit in recording.units.items() if name in names}
     has_jump = recording.jump is not None
     return Quality(row, rates, levels, units, tuple(defects), has_jump, forward_share(paths))
-
-
-def speed_range(velocity: NDArray[np.floating]) -> tuple[float, float]:
-    """Return the lowest and the highest speed of velocities in either direction.
-
-    Examples
-    --------
-    >>> speed_range(np.array([-3.0, -2.0])), speed_range(np.array([-3.0, 1.0]))
-    ((2.0, 3.0), (1.0, 3.0))
-    """
-    low, high = float(velocity.min()), float(velocity.max())
-    lowest = float(np.abs(velocity).min()) if low < 0 < high else min(abs(low), abs(high))
-    return lowest, max(-low, high)
 
 
 def forward_share(paths: Sequence[ShaftPath]) -> float:
@@ -151,8 +136,7 @@ def _motion_defects(
             f"speed (half its sampling rate, or the width of the band of an envelope), though "
             f"theta_s reaches order {np.pi / theta_s:.4g}"
         )
-        limit = row["max_order"]
-        yield Statement("order", slowest, text, value=over_angle.flat_order, limit=limit)
+        yield Statement("order", slowest, text, value=over_angle.flat_order, limit=row["max_order"])
     if n_short > 10:  # so many look like noise
         text = "strokes of less than a revolution: raise min_speed above the noise at standstill"
         yield Statement("short strokes", "", f"{n_short} {text}", value=n_short, limit=10)
@@ -192,38 +176,6 @@ class ChannelCheck(NamedTuple):
 
     level: float
     defect: Statement | None = None
-
-
-class _Stretches(NamedTuple):
-    """Stretches of equal samples in the blocks of a channel.
-
-    Attributes
-    ----------
-    begin, length : ndarray of shape (n_stretches,)
-        First sample, and number of samples.
-    value : ndarray of shape (n_stretches,)
-        Their value.
-    before, after : ndarray of shape (n_stretches,)
-        Size of the step that leads to the first one, and away from the last one; 0 beyond a block.
-    active : ndarray of shape (n_stretches, 2)
-        Largest step within 8 samples before and after.
-    usual, finest : float
-        Median and smallest step between samples that differ.
-    """
-
-    begin: NDArray[np.intp]
-    length: NDArray[np.intp]
-    value: Array
-    before: Array
-    after: Array
-    active: Array
-    usual: float
-    finest: float
-
-    @property
-    def sharp(self) -> Mask:
-        """Which begin or end with a step of the usual size: one that comes to rest does not."""
-        return np.maximum(self.before, self.after) > max(0.3 * self.usual, 1.5 * self.finest)
 
 
 def check_channel(
@@ -295,20 +247,23 @@ def check_channel(
     if _wraps_around(scaled, steps):
         text = "jumps from one extreme to the other: do its integers overflow?"
         return found("wrap-around", text)
-    stretches = _stretches(scaled, np.abs(steps), starts)
-    if stretches is None:
+    sizes = np.abs(steps)
+    moved = sizes[sizes > 0]
+    if not len(moved) or np.mean(sizes == 0) < 1e-3:  # nothing can be clipped or lost
         return ChannelCheck(level)
+    usual, finest = float(np.median(moved)), float(moved.min())
+    stretches = _stretches(scaled, sizes, starts, max(0.3 * usual, 1.5 * finest))
     extreme = _clipped_at(stretches, scaled)
     if extreme is not None:
         return found("clipped", f"is clipped at {extreme * largest:.4g}", extreme * largest)
     most = 0.9 if may_be_switch else 1.0
-    is_held = stretches.length >= _HELD
-    share = float(stretches.length[is_held].sum() / scaled.size)
+    held = stretches[stretches["length"] >= _HELD]
+    share = float(held["length"].sum() / scaled.size)
     if share >= most:
         return ChannelCheck(level)
-    if np.count_nonzero(is_held & stretches.sharp) < _FEWEST or share <= _LOST:
+    if held["sharp"].sum() < _FEWEST or share <= _LOST:
         within = [(a * len(series), b * len(series)) for a, b in turning]
-        share = _lost_share(stretches, scaled, within)
+        share = _lost_share(stretches, scaled, usual, finest, within)
     if _LOST < share < most:
         text = f"has drop-outs: in {100 * share:.2g} % of the time it is constant"
         return found("drop-outs", text, share)
@@ -352,8 +307,8 @@ def _wraps_around(rows: Array, steps: Array) -> bool:
     return bool(is_smooth and goes_on and turns and between.mean() > 0.1)
 
 
-def _stretches(rows: Array, sizes: Array, starts: NDArray[np.intp]) -> _Stretches | None:
-    """Return the stretches of equal samples; None where nothing can be clipped or lost.
+def _stretches(rows: Array, sizes: Array, starts: NDArray[np.intp], edge: float) -> pd.DataFrame:
+    """Return the stretches of equal samples.
 
     Parameters
     ----------
@@ -363,62 +318,70 @@ def _stretches(rows: Array, sizes: Array, starts: NDArray[np.intp]) -> _Stretche
         Sizes of their steps.
     starts : ndarray of shape (n_blocks,)
         Samples at which they begin.
+    edge : float
+        Size above which a step is sharp: a channel that comes to rest has smaller ones.
+
+    Returns
+    -------
+    DataFrame
+        First sample "begin", "length" and "value"; size of the step "before" the first sample and
+        "after" the last one, 0 beyond a block, and whether one of them is "sharp"; whether a step
+        within 8 samples is, "active_before" and "active_after".
     """
-    equal = sizes == 0
-    if equal.mean() < 1e-3 or equal.all():
-        return None
     # A column of other steps keeps the blocks apart; the outermost steps are not known.
-    changes = np.diff(np.pad(equal, ((0, 0), (1, 1))).ravel().astype(np.int8))
+    changes = np.diff(np.pad(sizes == 0, ((0, 0), (1, 1))).ravel().astype(np.int8))
     first, last = np.flatnonzero(changes == 1), np.flatnonzero(changes == -1)
     around = np.pad(sizes, ((0, 0), (1, 1))).ravel()
     active = maximum_filter1d(around, 2 * 8 + 1)
     block, place = np.divmod(first, rows.shape[1] + 1)
-    usual, finest = float(np.median(sizes[~equal])), float(sizes[~equal].min())
-    return _Stretches(
-        starts[block] + place,
-        last - first + 1,
-        rows[block, place],
-        around[first],
-        around[last + 1],
-        np.column_stack([active[first], active[last + 1]]),
-        usual,
-        finest,
-    )
+    columns = {
+        "begin": starts[block] + place,
+        "length": last - first + 1,
+        "value": rows[block, place],
+        "before": around[first],
+        "after": around[last + 1],
+        "active_before": active[first] > edge,
+        "active_after": active[last + 1] > edge,
+        "sharp": np.maximum(around[first], around[last + 1]) > edge,
+    }
+    return pd.DataFrame(columns)
 
 
-def _clipped_at(stretches: _Stretches, rows: Array) -> float | None:
+def _clipped_at(stretches: pd.DataFrame, rows: Array) -> float | None:
     """Return the extreme at which a channel often stays for three or more samples."""
     for extreme in (rows.max(), rows.min()):
-        is_there = (stretches.length >= 3) & (stretches.value == extreme)
-        n_sharp = np.count_nonzero(is_there & stretches.sharp)
-        if n_sharp >= max(_FEWEST, 0.5 * np.count_nonzero(is_there)):
+        there = stretches[(stretches["length"] >= 3) & (stretches["value"] == extreme)]
+        if there["sharp"].sum() >= max(_FEWEST, 0.5 * len(there)):
             return float(extreme)
     return None
 
 
 def _lost_share(
-    stretches: _Stretches, rows: Array, turning: Sequence[tuple[float, float]]
+    stretches: pd.DataFrame,
+    rows: Array,
+    usual: float,
+    finest: float,
+    turning: Sequence[tuple[float, float]],
 ) -> float:
     """Return the fraction of the time in single gaps, in a signal whose samples differ otherwise.
 
     Parameters
     ----------
-    stretches : _Stretches
-        Of the channel.
+    stretches : DataFrame
+        Of `_stretches`.
     rows : ndarray of shape (n_blocks, n_times)
-        Its blocks.
+        Blocks of the channel.
+    usual, finest : float
+        Median and smallest step between samples that differ.
     turning : sequence of (float, float)
         Samples at which strokes of the shaft begin and end: while it rests, a channel may too.
     """
-    usual = stretches.usual
     is_rough = usual >= 0.1 * rows.std()  # it has no plateaus
     shortest = 48 if is_rough else _HELD  # a little less than 5 ms at 10 kHz
-    is_long = stretches.length >= shortest
+    gaps = stretches[stretches["length"] >= shortest]
     if not is_rough:  # one that has come to rest leaves a plateau slowly
-        is_long &= np.maximum(stretches.before, stretches.after) > 5 * usual
-    if not is_long.any():
-        return 0.0
-    begin, length = stretches.begin[is_long], stretches.length[is_long]
+        gaps = gaps[gaps[["before", "after"]].max(axis=1) > 5 * usual]
+    begin, length = gaps["begin"].to_numpy(), gaps["length"].to_numpy()
     ends = np.array([begin, begin + length])
     turned, is_within = np.zeros(len(begin)), np.zeros(ends.shape, dtype=bool)
     for low, high in turning:
@@ -426,13 +389,12 @@ def _lost_share(
         is_within |= (ends > low) & (ends < high)
     # How often neighbours are equal elsewhere; a gap is lost if that makes it no coincidence.
     n_steps, n_lost = rows.size - len(rows), int((length - 1).sum())
-    n_equal = int((stretches.length - 1).sum())
+    n_equal = int((stretches["length"] - 1).sum())
     often = max((n_equal - n_lost) / (n_steps - n_lost), 1 / n_steps)
     is_lost = np.log(n_steps) + (turned - 1) * np.log(often) < np.log(1e-6)
-    if is_rough and stretches.finest > 0.02 * usual:  # noise changes it even at standstill
+    if is_rough and finest > 0.02 * usual:  # noise changes it even at standstill
         # Near its ends it is active, unlike one that comes to rest, or the shaft is at rest.
-        outer = np.array([stretches.before[is_long], stretches.after[is_long]])
-        is_active = max(0.3 * usual, 1.5 * stretches.finest) < stretches.active[is_long].T
-        is_unknown = (outer == 0) | ~is_within  # beyond a block
+        is_active = gaps[["active_before", "active_after"]].to_numpy().T
+        is_unknown = (gaps[["before", "after"]] == 0).to_numpy().T | ~is_within  # beyond a block
         is_lost &= (is_active | is_unknown).all(axis=0) & is_active.any(axis=0)
     return float(turned[(turned >= shortest) & is_lost].sum() / rows.size)

@@ -67,7 +67,12 @@ class TrainingRange:
         metas = list(metas)
         named = {key: {str(meta[key]) for meta in metas if key in meta} for key in UNITS}
         machines = {key: tuple(sorted(names)) for key, names in named.items() if names}
-        return cls(ranges, units, _conditions(metas), tuple(sorted(kinds)), machines)
+        conditions = {
+            name: tuple(sorted({float(meta[name]) for meta in metas}))
+            for name in CONDITIONS
+            if all(isinstance(meta.get(name), Real) for meta in metas)
+        }
+        return cls(ranges, units, conditions, tuple(sorted(kinds)), machines)
 
     def joined(self, other: TrainingRange) -> TrainingRange:
         """Return the range of the recordings of both."""
@@ -115,15 +120,6 @@ class TrainingRange:
     def unusual(self, quality: Quality) -> list[Statement]:
         """Return the defects of a recording of kinds that the training does not have."""
         return [defect for defect in quality.defects if defect.kind not in self.defects]
-
-
-def _conditions(metas: Sequence[Mapping[Any, Any]]) -> dict[str, tuple[float, ...]]:
-    """Return the values of each operating condition that is a number in all `meta`, sorted."""
-    return {
-        name: tuple(sorted({float(meta[name]) for meta in metas}))
-        for name in CONDITIONS
-        if all(isinstance(meta.get(name), Real) for meta in metas)
-    }
 
 
 def _new_units(meta: Mapping[Any, Any], known: Mapping[str, Sequence[str]]) -> Iterator[Statement]:
@@ -314,12 +310,9 @@ def in_decibels(value: float) -> str:
 
 def _decibels(level: float, low: float, high: float) -> float:
     """Return how far a level is beyond a range [dB], 0 within."""
-    end = high if level > high else low
-    if low <= level <= high:
-        return 0.0
-    if level == 0 or end == 0:
-        return -np.inf if level == 0 else np.inf
-    return 20 * (np.log10(level) - np.log10(end))
+    with np.errstate(divide="ignore", invalid="ignore"):  # of channels without signal
+        above, below = (20 * np.log10(np.divide(level, [high, low]))).tolist()
+    return max(0.0, above) + min(0.0, below)  # 0 where both are without signal: NaN
 
 
 def _channels(names: Sequence[str]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -89,8 +89,7 @@ def when(time: Any, name: str = "") -> str:
     ('2024-05-01 22:10', 'cycle 1200')
     """
     if isinstance(time, pd.Timestamp):
-        text = f"{time:%Y-%m-%d %H:%M}"
-        return text.removesuffix(" 00:00")
+        return f"{time:%Y-%m-%d %H:%M}".removesuffix(" 00:00")
     value = f"{time:.9g}" if isinstance(time, float) else str(time)
     return f"{name} {value}".strip()
 
@@ -164,7 +163,7 @@ def recording_facts(recording: Recording, name: str) -> Facts:
 
 
 def model_facts(model: Any, path: Path | None = None) -> Facts:
-    """Return note, file, digest, classes and versions of a model.
+    """Return note, file, digest and classes of a model, and the versions installed here.
 
     Parameters
     ----------
@@ -178,17 +177,13 @@ def model_facts(model: Any, path: Path | None = None) -> Facts:
     list of (str, str)
     """
     facts = [("Model", type(model).__name__ + ", in memory: not saved to a file")]
-    saved: Mapping[str, str] = {}
     if path is not None:
         about, digest = model_description(path), sha256(path.read_bytes()).hexdigest()[:16]
         facts = [("Model", f"{path.name}, saved {about['saved']}"), ("Digest", digest)]
         facts += [("Note", str(about["note"]))] if about["note"] else []
-        saved = about["versions"]
     facts.append(("States", _shortened([str(label) for label in model.classes_])))
-    here = {name: installed_versions()[name] for name in ("emacm", "python", "numpy", "sklearn")}
-    facts.append(("Versions", ", ".join(f"{name} {version}" for name, version in here.items())))
-    others = [f"{n} {saved[n]}" for n in here if saved.get(n, here[n]) != here[n]]
-    return facts + ([("Saved under", ", ".join(others))] if others else [])
+    versions, names = installed_versions(), ("emacm", "python", "numpy", "sklearn")
+    return [*facts, ("Versions", ", ".join(f"{name} {versions[name]}" for name in names))]
 
 
 def _shortened(texts: list[str], between: str = ", ") -> str:

@@ -163,9 +163,9 @@ def _normal_statements(
     by_channel = table[table["channel"] != ""].groupby("channel", sort=False)["raised"]
     usual = [channel_name(str(channel)) for channel, own in by_channel if not own.any()]
     texts = [f"no lines of {listed(silent, 'or')} above"] if silent else []
-    return texts + (
-        [f"no order band and no feature of {listed(usual)} deviates from"] * bool(usual)
-    )
+    if usual:
+        texts.append(f"no order band and no feature of {listed(usual)} deviates from")
+    return texts
 
 
 def _without_gain(table: pd.DataFrame) -> tuple[pd.DataFrame, list[Row]]:
@@ -215,15 +215,14 @@ def _explained(bins: pd.DataFrame, lines: list[RaisedLine], reach: float) -> pd.
 
 
 def _other_rows(table: pd.DataFrame) -> list[Row]:
-    """Return a row for each range of adjacent bins, and for each feature."""
+    """Return a row for each range of adjacent bins, and for each feature, the worst first."""
     rows = []
-    for part in deviating_ranges(table, "deviation"):
+    parts = deviating_ranges(table, "deviation")
+    for part in sorted(parts, key=lambda part: -part["severity"].max()):
         peak = part.loc[part["deviation"].abs().idxmax()]
         kind, place = "feature", peak["feature"]
         if not np.isnan(peak["low"]):
             kind, place = "range of orders", f"{part['low'].min():g} to {part['high'].max():g}"
         size = decibels(peak["deviation"], peak["unit"])
-        rows.append(
-            (peak["severity"], Row(kind, channel_name(peak["channel"]) or "–", place, size))
-        )
-    return [row for _, row in sorted(rows, key=lambda pair: -pair[0])]
+        rows.append(Row(kind, channel_name(peak["channel"]) or "–", place, size))
+    return rows

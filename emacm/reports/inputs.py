@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import asdict
 from inspect import signature
-from math import degrees, radians
+from math import radians
 from pathlib import Path
 from typing import Any
 
@@ -88,24 +88,21 @@ def read_parts(path: Path) -> list[Any]:
                 )
             with located(name):
                 for one in map(dict, np.ravel(tables)):
+                    parameters = signature(kinds[name]).parameters
+                    designation = one.pop("designation", None) if name == "Bearing" else None
                     # Angles are in degrees outside of Python.
-                    known = {
-                        "contact_angle_deg" if key == "contact_angle" else key: each
-                        for key, each in signature(kinds[name]).parameters.items()
-                    }
-                    if name == "Bearing" and (designation := one.pop("designation", None)):
-                        published = asdict(bearing_of(str(designation)))
-                        angle = degrees(published.pop("contact_angle"))
-                        one = published | {"contact_angle_deg": angle} | one
+                    known = [key.replace("_angle", "_angle_deg") for key in parameters]
                     if unknown := [key for key in one if key not in known]:
-                        raise ValueError(f"{unknown[0]!r} is not known; possible are {[*known]}.")
-                    needed = [key for key, each in known.items() if each.default is each.empty]
-                    if missing := [key for key in needed if key not in one]:
-                        raise ValueError(f"{missing[0]!r} is missing; needed are {needed}.")
+                        raise ValueError(f"{unknown[0]!r} is not known; possible are {known}.")
                     if (angle := one.pop("contact_angle_deg", None)) is not None:
                         limits: Any = {"at_least": 0, "below": 90, "unit": "degrees"}
                         angle = check_number(angle, "contact_angle_deg", **limits)
                         one["contact_angle"] = radians(angle)
+                    if designation:
+                        one = asdict(bearing_of(str(designation))) | one
+                    needed = [key for key, each in parameters.items() if each.default is each.empty]
+                    if missing := [key for key in needed if key not in one]:
+                        raise ValueError(f"{missing[0]!r} is missing; needed are {needed}.")
                     parts.append(kinds[name](**one))
         if not parts:
             raise ValueError("it holds no part; write a table such as [[Bearing]].")

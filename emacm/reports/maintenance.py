@@ -81,13 +81,13 @@ def maintenance_report(
         is stated, from the healthy power of its bin. Needed where the features are projections
         (PCA, LDA).
     history : DataFrame, optional
-        Earlier results, as from `score`, with the column "decision", and "unit" and "time" if these
-        are given.
+        Earlier results, as from `score`, with the columns "decision" and "time", and "unit" if this
+        is given.
     unit : key of meta, tuple of keys, callable or array-like, optional
         The unit of each recording. Default: with `history`, all are of the same unit.
     time : key of meta, callable or array-like, optional
         Time of each recording: dates, or numbers such as cycles. The recordings of a unit count as
-        earlier results of each other. Default: the recordings are later than all of `history`.
+        earlier results of each other. Needed with `history`.
 
     Returns
     -------
@@ -180,17 +180,13 @@ class Reports:
 
     def missing(self, names: Sequence[str], digests: Sequence[str]) -> list[bool]:
         """Return for each recording whether a folder has no page of it, of this digest."""
-        known = {entry["link"]: (entry["name"], entry["digest"]) for entry in self._listed()}
-        return [
-            known.get(link) != pair or not (self._target / unquote(link)).is_file()
-            for link, pair in zip(_links(names), zip(names, digests, strict=True), strict=True)
-        ]
-
-    def _listed(self) -> list[dict[str, Any]]:
-        return [] if self.is_file else listed_pages(self._target)
+        listed = listed_pages(self._target)
+        known = {(entry["link"], entry["name"], entry["digest"]) for entry in listed}
+        rows = zip(_links(names), names, digests, strict=True)
+        return [row not in known or not (self._target / unquote(row[0])).is_file() for row in rows]
 
     def write(
-        self, pages: Sequence[Page], before: Sequence[Page] = (), *, has_fleet: bool = False
+        self, pages: Sequence[Page], before: Sequence[str] = (), *, has_fleet: bool = False
     ) -> list[Path]:
         """Write pages, and return the files; in a folder, the index is the last one.
 
@@ -198,27 +194,24 @@ class Reports:
         ----------
         pages : sequence of Page
             What is written.
-        before : sequence of Page
-            Pages in the folder that are only listed in the index, as they were.
+        before : sequence of str
+            Names of other recordings; those that have a page stay in the index, as they were.
         has_fleet : bool
             Whether the index links the page of the fleet.
         """
         if self.is_file:
             return [written_page(self._target, "maintenance", pages=map(_with_picture, pages))]
-        listed = [*before, *pages]
-        links, known = _links([page.name for page in listed]), self._listed()
-        as_before = {entry["link"]: entry for entry in known}
+        links = _links([*before, *(page.name for page in pages)])
+        entries = [e for e in listed_pages(self._target) if e["link"] in links[: len(before)]]
+        links = links[len(before) :]
         shown = ("name", "unit", "date", "decision", "doubtful", "since", "action", "digest")
-        entries = []
-        for number, (page, link) in enumerate(zip(listed, links, strict=True)):
+        for page, link in zip(pages, links, strict=True):
             entry = {"link": link, "word": page.urgency}
-            entry |= {name: getattr(page, name) for name in shown}
-            is_new = number >= len(before) or link not in as_before
-            entries.append(entry if is_new else as_before[link])
+            entries.append(entry | {name: getattr(page, name) for name in shown})
         entries.sort(key=lambda entry: URGENCIES.index(entry["word"]))
         files = [
             written_page(self._target / unquote(link), "maintenance", pages=[_with_picture(page)])
-            for page, link in zip(pages, links[len(before) :], strict=True)
+            for page, link in zip(pages, links, strict=True)
         ]
         # The list is last: pages that are missing, as after a kill, are written by the next run.
         write_whole(self._target / LIST_OF_PAGES, json.dumps(entries, indent=1).encode())
@@ -281,9 +274,9 @@ def add_since(
     pages : sequence of Page
         The pages.
     history : DataFrame, optional
-        Earlier results, as `score` returns them, with "unit" and "time" added.
+        Earlier results, as `score` returns them, with "time" added, and "unit" if it is known.
     units, times : list, optional
-        Of the pages. Without times, the pages are later than the history, which is in order.
+        Of the pages.
     counter : str
         Name of times that are numbers, such as "cycle".
 
@@ -298,27 +291,27 @@ def add_since(
         page.date = page.date or when(time, counter)
     if history is None and (units is None or times is None):
         return
-    columns = ["decision", *["unit"] * (units is not None), *["time"] * (times is not None)]
+    if times is None:
+        raise ValueError("history needs the time of each recording; give time, as time='cycle'.")
+    columns = ["decision", "time", *["unit"] * (units is not None)]
     history = pd.DataFrame(columns=columns) if history is None else history
     missing = [name for name in columns if name not in getattr(history, "columns", ())]
     if missing:
         raise ValueError(
             f"history must be a table of earlier results, as from score, with the columns "
-            f"{columns} as far as the new recordings have them; it has no {missing[0]!r}."
+            f"{columns}; it has no {missing[0]!r}."
         )
-    # Without times, the number of a result stands for its time.
-    earlier = history[columns].reset_index(drop=True).fillna({"decision": ""})
-    earlier = pd.DataFrame({"unit": "", "time": earlier.index}, dtype=object).assign(**earlier)
-    made = ["" if page.kind == "error" else page.decision for page in pages]
-    new = {"decision": made, "unit": units or "", "time": times or len(earlier)}
-    results = pd.concat([earlier, pd.DataFrame(new, dtype=object)], ignore_index=True)
+    earlier = history[columns].reindex(columns=["unit", "decision", "time"], fill_value="")
+    made = ["" if page.kind == "undecided" else page.decision for page in pages]
+    new = pd.DataFrame({"unit": units or "", "decision": made, "time": times}, dtype=object)
+    results = pd.concat([earlier.astype(object), new], ignore_index=True).fillna({"decision": ""})
     results["time"] = _as_times(results["time"].tolist())
     results = results.astype({"decision": str, "unit": str})
     for page, own in zip(pages, results[len(earlier) :].itertuples(), strict=True):
         before = (results["unit"] == own.unit) & (results["time"] < own.time)
         before = results[before & (results["decision"] != "")].sort_values("time", kind="stable")
         if own.decision:
-            page.since = _since(own.decision, before, None if times is None else counter)
+            page.since = _since(own.decision, before, counter)
 
 
 def _as_times(values: list[Any]) -> list[Any]:
@@ -335,22 +328,21 @@ def _as_times(values: list[Any]) -> list[Any]:
     )
 
 
-def _since(decision: str, earlier: pd.DataFrame, counter: str | None) -> str:
+def _since(decision: str, earlier: pd.DataFrame, counter: str) -> str:
     """Say since when a decision has been made without interruption."""
     if earlier.empty:
         return "No earlier result of this unit is known."
-    times = ["" if counter is None else when(time, counter) for time in earlier["time"]]
+    times = [when(time, counter) for time in earlier["time"]]
     rows = list(zip(earlier["decision"], times, strict=True))
     same = list(takewhile(lambda row: row[0] == decision, reversed(rows)))
     before = ""
     if len(same) < len(rows):
         other, time = rows[-1 - len(same)]
-        before = f"{other!r} ({time})." if time else f"{other!r}."
+        before = f"{other!r} ({time})."
     if not same:
         return f"New: the recording before, of this unit, was {before}"
-    start = f"Since {same[-1][1]}, in" if same[-1][1] else "In"
     rest = f"; before that, {before}" if before else ": in all that are known of this unit."
-    return f"{start} {len(same) + 1} recordings in a row{rest}"
+    return f"Since {same[-1][1]}, in {len(same) + 1} recordings in a row{rest}"
 
 
 def file_stems(names: Sequence[str]) -> list[str]:
@@ -364,16 +356,14 @@ def file_stems(names: Sequence[str]) -> list[str]:
     >>> file_stems(["a/run.npz", "b/run.npz", "b/new.npz", "recording 3"])
     ['a_run', 'b_run', 'new', 'recording_3']
     >>> file_stems(["run 1.csv", "run_1.csv", "index.csv"])
-    ['run_1_edb3a055', 'run_1_1b69dfb6', 'index_d9f9d495']
+    ['run_1_c1ad1979', 'run_1_be140531', 'index_1c66a654']
     """
     paths = [Path(name) for name in names]
     n_folders = Counter(stem for stem, _ in {(path.stem, path.parent) for path in paths})
     stems = [f"{p.parent.name}_{p.stem}" if n_folders[p.stem] > 1 else p.stem for p in paths]
     stems = [re.sub(r"[^\w.-]", "_", stem)[-75:] for stem in stems]  # a name has 255 bytes
     counts = Counter(stem.casefold() for stem in [*stems, "index"])
-    same: Counter[str] = Counter()
     for k, name in enumerate(names):
-        same[name] += 1
         if counts[stems[k].casefold()] > 1:
-            stems[k] += "_" + sha256(f"{name}{same[name]}".encode()).hexdigest()[:8]
+            stems[k] += "_" + sha256(name.encode()).hexdigest()[:8]
     return stems

@@ -17,7 +17,7 @@ from emacm.displays.drawing import offscreen_panels
 from emacm.evaluation.results import as_texts
 from emacm.models.evidence import evidence_table
 from emacm.models.model_files import model_description
-from emacm.reports.written_pages import embedded, plain_page
+from emacm.reports.written_pages import encoded_svg, plain_page
 
 
 class ModelCard(dict[str, Any]):
@@ -67,11 +67,9 @@ class ModelCard(dict[str, Any]):
         return {title: table for title, table in tables.items() if len(table)}
 
     def _ranges(self) -> pd.DataFrame:
-        ranges = {
-            f"{name}{f' of resampler {number}' if number else ''}": ends
-            for number, own in enumerate(self["training_range"])
-            for name, ends in (own or {}).items()
-        }
+        ranges: dict[str, Any] = {}
+        for own in self["training_range"]:  # one for each resampler, of the same recordings
+            ranges |= own or {}
         points = evidence_table(self.evidence, "domain").select_dtypes("number")
         ranges |= {name: (points[name].min(), points[name].max()) for name in points}
         for name in ("slowest", "fastest"):
@@ -99,7 +97,8 @@ class ModelCard(dict[str, Any]):
         if len(points) and importlib.util.find_spec("matplotlib"):
             figure, axes = offscreen_panels(height=3.4)
             DomainDisplay(points.reset_index(), healthy=self["healthy"]).plot(ax=axes[0, 0])
-            picture = "<h2>Training domain</h2>" + embedded(figure, "training domain")
+            source = f"data:image/svg+xml;base64,{encoded_svg(figure)}"
+            picture = f'<h2>Training domain</h2><img src="{source}" alt="training domain">'
         return f"{facts}<ul>{caveats}</ul>{picture}{tables}"
 
     def __str__(self) -> str:

@@ -88,8 +88,8 @@ class Page:
         The recording.
     decision : str
         The decision, or that there is none.
-    kind : {"healthy", "fault", "unknown", "other", "error", "state"}
-        Kind of the decision; "state" where it is not known which state is the healthy one.
+    kind : {"healthy", "fault", "unknown", "uncertain", "undecided", "listed"}
+        Kind of the decision; "listed" where it is not known which state is the healthy one.
     first : list of str
         What is wrong with the recording; the decision may be wrong if `doubtful`.
     doubtful : bool
@@ -161,15 +161,12 @@ class Page:
     @property
     def urgency(self) -> str:
         """A word for the decision, one of `URGENCIES`."""
-        if self.kind == "healthy":
-            return "check" if self.doubtful else "healthy"
-        names = {"other": "uncertain", "error": "undecided", "state": "listed"}
-        return names.get(self.kind, self.kind)
+        return "check" if self.kind == "healthy" and self.doubtful else self.kind
 
     @property
     def heading(self) -> str:
         """What precedes the warnings about the recording."""
-        if self.kind == "error":
+        if self.kind == "undecided":
             return "The recording could not be decided on"
         if self.doubtful:
             return "Check the measurement first: the decision may be wrong"
@@ -197,13 +194,13 @@ def page_of(settings: Settings, source: Source, name: str, facts: Further = None
     """
     (row,) = scoring.scored_rows(settings.model, [source], [name], facts=facts)
     if row["error"]:
-        page = Page(name, "no decision", "error", [row["error"]], True, model_facts=settings.facts)
-        page.row, page.recording = row, [("File", name)]
+        page = Page(name, "no decision", "undecided", [row["error"]], True, row=row)
+        page.recording, page.model_facts = [("File", name)], settings.facts
         return page
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # what they say is on the page
         recording = source()
-        page = Page(name, str(row["decision"]), "other", row=row, model_facts=settings.facts)
+        page = Page(name, str(row["decision"]), "uncertain", row=row, model_facts=settings.facts)
         other = _add_decision(page, settings, recording)
         page.recording = recording_facts(recording, name)
         page.unit, page.units = str(recording.meta.get("unit", "")), recording.units
@@ -216,7 +213,7 @@ def page_of(settings: Settings, source: Source, name: str, facts: Further = None
         _add_typicality(page)
         _add_findings(page, settings, recording, other)
         if settings.healthy is None and page.kind == "fault":
-            page.kind = "state"
+            page.kind = "listed"
     return page
 
 
@@ -274,12 +271,12 @@ def _add_decision(page: Page, settings: Settings, recording: Recording) -> Any:
 def _stands_for(classifier: Any, decision: Any) -> NDArray[np.bool_]:
     """Return for which classes a decision stands: its own, or all of a family."""
     states = classifier.classes_.tolist()
-    is_decision = np.array([state == decision for state in states])
-    if not isinstance(classifier, LeastRiskMixin):
-        return is_decision
-    decisions, cost = classifier.decisions_.tolist(), classifier.cost_[:, : len(states)]
-    covered = cost[decisions.index(decision)] <= cost.min(axis=0)
-    return is_decision | (covered & [state not in decisions for state in states])
+    own = np.array([state == decision for state in states])
+    if isinstance(classifier, LeastRiskMixin):
+        decisions, cost = classifier.decisions_.tolist(), classifier.cost_[:, : len(states)]
+        covered = cost[decisions.index(decision)] <= cost.min(axis=0)
+        own |= covered & [state not in decisions for state in states]
+    return own
 
 
 def _add_typicality(page: Page) -> None:
@@ -308,13 +305,10 @@ def _add_warnings(page: Page, model: Any, recording: Recording) -> None:
     if isinstance(own, ConditionRouter):
         own = own.models_of([recording])[0]
     resamplers = fitted_resamplers(own)
-    defects, unusual = scoring.defects_of(resamplers, recording), list[str]()
-    for resampler in resamplers:
-        quality = scoring.measured_quality(resampler, recording)
-        unusual += [defect.text for defect in resampler.training_range_.unusual(quality)]
-    page.first = list(dict.fromkeys(unusual))
-    usual = (defect.text for defect in defects if defect.text not in unusual)
-    page.notes += [f"As in the training: {text}." for text in usual]
+    usual = {kind for resampler in resamplers for kind in resampler.training_range_.defects}
+    defects = scoring.defects_of(resamplers, recording)
+    page.first = [defect.text for defect in defects if defect.kind not in usual]
+    page.notes += [f"As in the training: {d.text}." for d in defects if d.kind in usual]
     if resamplers and not defects:
         page.normal.append(
             "channels without clipping, overflow, drop-outs, offsets or constant values"

@@ -57,16 +57,12 @@ def drawn(page: Page) -> tuple[Any, str]:
 
 
 def _bars(page: Page) -> pd.DataFrame | None:
-    """Return the deviations that are drawn: those of a channel in dB, or the largest ones."""
+    """Return the deviations that are drawn: those of a channel in one unit, or the largest ones."""
     if page.deviations is None or page.findings is None:
         return None
     table = page.deviations.dropna(subset="deviation")
-    own = table[table["unit"] == "dB"]
-    if own.empty:
-        own = table
-    else:
-        channels, worst = own["channel"].tolist(), page.findings.channel
-        own = own[own["channel"] == (worst if worst in channels else channels[0])]
+    own = table[table["channel"] == page.findings.channel]
+    own = own[own["unit"].isin(own["unit"].head(1))]
     if own.empty:
         return None
     if own["low"].notna().all():

@@ -32,9 +32,6 @@ def templates() -> Any:
         loader=jinja2.PackageLoader("emacm.reports"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
     )
 
 
@@ -85,14 +82,6 @@ def plain_page(title: str, body: str) -> str:
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><meta name="viewport" '
         f'content="width=device-width, initial-scale=1"><title>{title}</title><style>{style}'
         f"</style></head>\n<body><h1>{title}</h1>\n{body}\n</body></html>\n"
-    )
-
-
-def embedded(figure: Any, description: str) -> str:
-    """Return a figure as an image in HTML that refers to no file."""
-    return (
-        f'<img src="data:image/svg+xml;base64,{encoded_svg(figure)}" '
-        f'alt="{html.escape(description)}">'
     )
 
 

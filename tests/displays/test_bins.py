@@ -1,4 +1,4 @@
-"""Order bins are drawn between their exact edges."""
+"""Order bins and contributions are drawn between the exact edges of the bins."""
 
 import numpy as np
 import pandas as pd
@@ -6,10 +6,11 @@ from matplotlib.figure import Figure
 from sklearn.pipeline import make_pipeline
 
 from emacm import BinTransformer, OrderPSD, OrderResampler
-from emacm.displays import OrderBinsDisplay
+from emacm.displays import ContributionsDisplay, OrderBinsDisplay
 from emacm.simulation.fleet import simulate_actuator
 
 NAMES = ["current@0-0.5", "current@0.5-2", "current@3-4"]
+PARTS = ["current@3-4", "current@5-7", "vibration@3-4", "vibration@5-7"]
 
 
 def axes(n_panels=1):
@@ -31,19 +32,14 @@ def test_a_line_is_between_exact_edges_at_the_level_of_each_bin():
     assert ax.get_ylabel() == "power of current [dB re 1 A²]"
 
 
-def test_bins_that_overlap_are_drawn_side_by_side_under_their_names():
+def test_bins_with_names_are_drawn_side_by_side():
     (ax,) = axes()
-    columns = ["a@5.9-6.3", "a@6.1-6.5", "a@2-2.5"]
-    OrderBinsDisplay(columns, {"all": [1.0, 10.0, 100.0]}).plot(ax=ax)
+    OrderBinsDisplay(["a@BPFO", "a@BPFI"], {"all": [1.0, 10.0]}).plot(ax=ax)
     x, y = ax.lines[0].get_data()
-    assert np.allclose(x[~np.isnan(y)], [-0.4, 0.4, 0.6, 1.4, 1.6, 2.4])
-    assert [t.get_text() for t in ax.get_xticklabels()] == ["5.9-6.3", "6.1-6.5", "2-2.5"]
-    assert ax.get_xlabel() == "bin, order [cycles per revolution]"
-    (ax,) = axes()
-    OrderBinsDisplay(columns, {"a": [1, 10, 100], "b": [4, 2, 1]}).plot(ax=ax)
-    _, y = ax.lines[0].get_data()
-    assert np.isnan(y).sum() == 2  # three lines that do not touch
-    assert y[~np.isnan(y)].tolist() == [0, 0, 10, 10, 20, 20]
+    assert np.allclose(x[~np.isnan(y)], [-0.4, 0.4, 0.6, 1.4])
+    assert y[~np.isnan(y)].tolist() == [0, 0, 10, 10]
+    assert [t.get_text() for t in ax.get_xticklabels()] == ["BPFO", "BPFI"]
+    assert ax.get_xlabel() == "order bin"
 
 
 def test_a_pipeline_draws_its_bins_and_its_stop_bands():
@@ -62,3 +58,25 @@ def test_a_pipeline_draws_its_bins_and_its_stop_bands():
     assert [text.get_text() for text in panels[0].texts] == ["screw"]
     assert len(panels[1].lines) == 2  # the powers; the mark again, without its name
     assert not panels[1].texts
+
+
+def bars(ax):
+    return sorted((bar.get_x(), bar.get_width(), bar.get_height()) for bar in ax.patches)
+
+
+def test_each_channel_has_bars_between_the_edges_of_its_bins():
+    panels = axes(2)
+    ContributionsDisplay(PARTS, [2.0, -1.0, 0.5, 0.0]).plot(ax=panels)
+    assert bars(panels[0]) == [(3, 1, 2.0), (5, 2, -1.0)]
+    assert bars(panels[1]) == [(3, 1, 0.5), (5, 2, 0.0)]
+    assert panels[0].get_ylim() == panels[1].get_ylim()
+    label = panels[0].get_ylabel().replace("\n", " ")
+    assert label == "contribution of current [nats]"
+
+
+def test_predicted_fault_orders_are_marked_and_set_beside_the_bins():
+    panels = axes(2)
+    orders = {"screw": 3.125, "BPFI": 6.123, "2 BPFI": 12.246}
+    display = ContributionsDisplay(PARTS, [2.0, 0, 0, 1], fault_orders=orders).plot(ax=panels)
+    assert [text.get_text() for text in panels[0].texts] == ["screw", "BPFI"]
+    assert display.frame()["contribution"].tolist() == [2.0, 0, 0, 1]

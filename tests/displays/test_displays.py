@@ -175,7 +175,6 @@ FINE = np.arange(100) / 10
     [
         (lambda: OrderBinsDisplay(BINS, {"a": [1.0, -2.0]}), r"powers of 'a'.*\[1\]"),
         (lambda: OrderBinsDisplay.from_table(np.ones((2, 3))), "order axis"),
-        (lambda: OrderBinsDisplay(BINS, {"a": [1, 2]}, fault_orders={"screw": -1.0}), "screw"),
         (lambda: OrderSpectrumDisplay([0, 1, 2], {"a": [1.0, np.nan, 3.0]}), r"'a'.* 1\]"),
         (lambda: OrderSpectrumDisplay.from_table(SPECTRA), "different orders"),
         (lambda: OrderSpectrumDisplay.from_estimator(LogisticRegression(), []), "OrderPSD"),

@@ -23,15 +23,6 @@ def drawn(ax):
     return mesh.get_array(), mesh.get_coordinates()[0, :, 0]
 
 
-def test_a_line_at_a_fixed_order_stays_there_while_the_speed_grows(ax):
-    display = OrderMapDisplay.from_recording(ramp(), theta_s=TURN / 64, revolutions=4, ax=ax)
-    assert (display.orders[display.psd.argmax(axis=1)] == 5).all()
-    assert len(display.psd) > 20
-    power, _ = drawn(ax)
-    heaviest = power.argmax(axis=0)
-    assert len(set(heaviest.tolist())) == 1
-
-
 def test_colours_are_the_segments_in_db_and_gaps_stay_empty(ax):
     psd = np.array([[1.0, 10.0, 100.0], [1.0, 1.0, 0.0]])
     OrderMapDisplay([0, 1, 2], psd, [[0, 2], [3, 4]], [1.0, 1.0], unit="A").plot(ax=ax)

@@ -21,7 +21,6 @@ from sklearn.preprocessing import (
 from emacm import (
     BinTransformer,
     CostSensitiveGaussianBayes,
-    Motor,
     OrderPSD,
     OrderResampler,
     Recording,
@@ -255,12 +254,6 @@ def test_the_model_of_the_bearing_channel_is_confirmed(rig, rig_models, predicte
     matched = match_fault_orders(table, predicted, slip=0.005)
     assert set(matched["fault"][:3]) == {"BPFI", "2xBPFI", "3xBPFI"}
     assert matched.attrs["predicted_share"] > 0.5 > 3 * matched.attrs["predicted_bins"]
-
-
-def test_the_noise_is_identified_as_electrical(rig, rig_models):
-    table = explain_model(rig_models["position"], *rig)
-    matched = match_fault_orders(table, fault_orders(Motor(6), harmonics=6))
-    assert set(matched["fault"][:2]) == {"2xsupply", "6xsupply"}
 
 
 def test_recordings_and_their_table_of_bins_have_the_same_explanation(rig, rig_models):

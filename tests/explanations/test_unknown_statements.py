@@ -106,7 +106,11 @@ def test_what_is_wrong_with_the_measurement_is_stated_first(model, options, word
 
 def test_a_line_is_stated_with_its_bin_and_its_level_above_the_training_maximum(model):
     recording = run(50, lines=[("vibration", 9.4, 0.8)])
-    (words,) = statements(model, recording)
+    table = explained(model, recording)
+    (words,) = table.attrs["statements"]
+    assert table["column"][0] == "vibration@9-10"
+    value, baseline = (table.attrs[name] for name in ("value", "baseline_value"))
+    assert table["contribution"].sum() == pytest.approx(value - baseline)
     X = [run(seed, worn=seed % 2 == 1) for seed in range(24)]
     bins = model[:3].transform([*X, recording])[
         :, model[2].get_feature_names_out() == "vibration@9-10"
@@ -176,7 +180,7 @@ def test_columns_that_are_no_powers_deviate_by_standard_deviations():
     assert table.loc["current:mean", "deviation"] == pytest.approx(25 / spread, rel=0.2)
     (words, *_) = table.attrs["statements"]
     assert words.startswith("'current:mean' ")
-    assert " standard deviations above '" in words
+    assert words.endswith(" standard deviations above the training maximum")
 
 
 def test_behind_a_router_the_pipeline_of_the_condition_is_explained():

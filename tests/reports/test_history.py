@@ -11,9 +11,9 @@ def table(*decisions):
     return pd.DataFrame({"decision": decisions, "time": range(100, 100 * len(decisions) + 1, 100)})
 
 
-def since(history, times, decision="worn"):
+def since(history, times):
     """Return what a page states of a history without units."""
-    page = Page("new", decision, "fault")
+    page = Page("new", "worn", "fault")
     add_since([page], history, None, times, "cycle")
     return page.since
 
@@ -27,10 +27,6 @@ def since(history, times, decision="worn"):
             "New: the recording before, of this unit, was 'ok' (cycle 300).",
         ),
         (table("worn", "worn"), "Since cycle 100, in 3 recordings in a row: in all that are known"),
-        (
-            table("worn", "ok", "worn"),
-            "Since cycle 300, in 2 recordings in a row; before that, 'ok' (cycle 200).",
-        ),
         (table(), "No earlier result of this unit is known."),
     ],
 )
@@ -44,15 +40,9 @@ def test_only_results_before_the_recording_count_in_the_order_of_time():
     assert since(shuffled, [100]) == "No earlier result of this unit is known."
 
 
-def test_without_times_the_order_of_the_rows_is_that_of_time():
-    earlier = pd.DataFrame({"decision": ["ok", "worn", None]}, index=[7, 3, 3])
-    assert since(earlier, None) == "In 2 recordings in a row; before that, 'ok'."
-    assert since(earlier, None, "ok") == "New: the recording before, of this unit, was 'worn'."
-
-
 def test_units_are_separate_and_recordings_count_as_results_of_each_other():
     pages = [Page(str(k), d, "fault") for k, d in enumerate(["ok", "worn", "worn", "worn"])]
-    pages.append(Page("4", "no decision", "error"))
+    pages.append(Page("4", "no decision", "undecided"))
     times = ["2024-05-01", "2024-05-03 22:10", "2024-05-04", "2024-05-02", "2024-05-05"]
     add_since(pages, None, ["A", "A", "A", "B", "A"], times)
     assert pages[0].since == "No earlier result of this unit is known."
@@ -75,8 +65,9 @@ def test_times_may_have_a_zone_or_fractions():
 @pytest.mark.parametrize(
     ("history", "units", "times", "message"),
     [
-        ([], None, None, "history must be a table"),
-        (pd.DataFrame({"decision": []}), ["A"], None, "it has no 'unit'"),
+        ([], None, [950], "history must be a table"),
+        (table("worn"), ["A"], [950], "it has no 'unit'"),
+        (table("worn"), ["A"], None, "history needs the time"),
         (table("worn"), None, ["2024-05-01"], "all be numbers"),
         (None, ["A"], ["soon"], "got 'soon'"),
     ],

@@ -81,13 +81,6 @@ def test_a_page_is_valid_and_refers_to_no_other_file(folder):
     assert re.search(r"rder spectrum of \w+ with predicted lines and deviations", found.text)
 
 
-def test_predicted_lines_are_mentioned_only_if_parts_are_given(tmp_path):
-    maintenance_report(bins_model(), [recording("outer race", 99)], tmp_path / "all.html")
-    html = (tmp_path / "all.html").read_text(encoding="utf-8")
-    assert re.search(r"rder spectrum of \w+ and deviations of whole", html)
-    assert "predicted lines" not in html
-
-
 def test_no_page_has_nats_or_a_probability_of_one(folder):
     for file in folder.glob("*.html"):
         text = parsed(file.read_text(encoding="utf-8")).text

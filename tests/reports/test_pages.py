@@ -5,7 +5,6 @@ import re
 import numpy as np
 import pytest
 from bearing_models import BEARING, COST, STATES, bins_model, fitted, recording, runs, steps
-from sklearn.decomposition import PCA
 from sklearn.ensemble import RandomForestClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
@@ -34,12 +33,6 @@ from emacm.reports.pictures import drawn
 def page(model, new, name="run 7", **options):
     options.setdefault("parts", BEARING)
     return page_of(read_settings(model, **options), lambda: new, name)
-
-
-def words(found):
-    """Return all the text of a page."""
-    drawn = ("spectra", "deviations", "findings", "parts")
-    return repr([value for name, value in vars(found).items() if name not in drawn])
 
 
 def bin_deviation(state, line, model):
@@ -226,16 +219,6 @@ def test_fault_lines_name_the_component(parts):
     assert first.raised == f"+{levels[-1] - levels[:-1].mean():.0f} dB"
     # The third line of BPFO is where the second one of BPFI may be; the spectrum decides.
     assert not any("BPFI" in row.component for row in found.findings.rows)
-
-
-def test_projected_features_need_healthy_recordings():
-    model = fitted(make_pipeline(*steps(FunctionTransformer(np.log10), PCA(6))))
-    new = recording("outer race", 99)
-    found = page(model, new)
-    assert found.findings is None
-    assert any("give training recordings as background" in text for text in found.notes)
-    found = page(model, new, background=runs()[::3])
-    assert found.findings.rows[0].component == "outer ring (drive end BPFO)"
 
 
 def test_a_router_is_stated_by_the_model_of_the_condition():
