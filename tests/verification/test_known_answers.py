@@ -6,7 +6,7 @@ from hashlib import sha256
 import pytest
 
 from emacm.__main__ import main
-from emacm.verification import decisions, record
+from emacm.verification import answers, record
 from emacm.verification.record import checks, known_answers, verify
 
 ANSWERS = known_answers()
@@ -40,7 +40,7 @@ def test_a_wrong_value_gives_exit_status_1_and_is_marked(monkeypatch, tmp_path, 
 
 
 def test_a_check_that_fails_is_an_answer_that_did_not_pass(monkeypatch):
-    monkeypatch.setattr(decisions, "PCA", lambda n: 1 / 0)
+    monkeypatch.setattr(answers, "PCA", lambda n: 1 / 0)
     found = verify(ANSWERS.loc[["covariances", "chapter_3"]])
     assert found.table["passed"].tolist() == [True, True, False, False]
     assert "ZeroDivisionError" in found.table["source"].iloc[-1]
