@@ -9,8 +9,8 @@ from typing import Any
 import pandas as pd
 
 from emacm.evaluation.bootstrap import GroupBootstrap, gap_of_cells
+from emacm.evaluation.evaluate import Evaluation, Printed, as_texts
 from emacm.evaluation.figures import tallies
-from emacm.evaluation.results import Evaluation, Printed, as_texts
 from emacm.evaluation.scoring import ScoringRule
 
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from emacm._checks import check_count
 from emacm.decisions.costs import stated_costs
 from emacm.evaluation.bootstrap import Array, GroupBootstrap, Tally
+from emacm.evaluation.evaluate import Printed, as_texts, judged_decisions
 from emacm.evaluation.figures import probability_columns
 from emacm.evaluation.held_out import (
     Fold,
@@ -22,7 +23,6 @@ from emacm.evaluation.held_out import (
     decide_held_out,
     read_groupings,
 )
-from emacm.evaluation.results import Printed, as_texts, judged_decisions
 from emacm.evaluation.scoring import ScoringRule, checked_classes, scoring_rule
 
 
