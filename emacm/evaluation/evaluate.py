@@ -262,9 +262,6 @@ def evaluate(
     >>> evaluate(make_pipeline(*of_day), day, y, runs=runs).table["accuracy"].to_dict()
     {'random split': 1.0, 'by run': 1.0}
     """
-    for method in ("fit", "predict"):
-        if isinstance(estimator, type) or not hasattr(estimator, method):
-            raise TypeError(f"estimator must be a classifier with {method}, got {estimator!r}.")
     check_unknown_states(estimator)
     classes = checked_classes(y, X)
     check_count(n_splits, "n_splits", at_least=2)
@@ -347,7 +344,8 @@ def _caveats(
     if (unit := held_out.groupings["units"]) is not None:
         labels = [rule.family_of[label] for label in held_out.y.tolist()]
         caveats += confounding_caveats(labels, unit.labels.tolist(), unit.name)
-    if others := rule.other_decisions(predictions.get("decision", ())):
+    decisions = dict.fromkeys(predictions.get("decision", ()))
+    if others := [name for name in decisions if name not in rule.costs.index]:
         caveats.append(
             f"The decisions {others} are none of the classes and have no cost; they count as wrong "
             f"with cost 1. Put the estimator into a LeastRiskClassifier with their costs."

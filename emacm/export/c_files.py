@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -17,7 +18,7 @@ from emacm._saved import write_whole
 from emacm._version import __version__
 from emacm.export.check_vectors import check_tables
 from emacm.export.exported_model import ExportedModel
-from emacm.recordings.names import check_channel_names, chosen_channels, printable
+from emacm.recordings.names import chosen_channels, printable
 from emacm.resampling.spreading import (
     DESIGN,
     decimating_filter,
@@ -125,8 +126,7 @@ def export_c(
     check_choice(precision, "precision", ("float32", "float64"))
     names = chain.resampler.channels_
     order = chosen_channels(names if channels is None else channels, ())
-    check_channel_names(order, names, "channels")
-    if len(order) > len(names):
+    if sorted(order) != sorted(names):
         raise ValueError(f"channels must be those of the model, {list(names)}, got {order}.")
     ratio, ranges = chain.resampler.ratio, chain.resampler.training_range_.ranges
     speed = 1.1 * ranges["fastest"][1] / ratio if max_speed is None else max_speed
@@ -245,6 +245,7 @@ def _tables(
     """Return the constants of the program."""
     plan, resampler = chain.psd.plan_, chain.resampler
     turn = 2 * np.pi * np.arange(plan.n_per_segment) / plan.n_per_segment
+    numbers = np.arange(plan.n_per_segment // 2, dtype=np.uint32)
     factors = np.arange(1, sizes["n_densities"] + 1)
     # As `upsampling`: up to which speed the samples of a density are dense enough.
     dense = np.where(factors == 1, 0.5, factors - 0.58)
@@ -264,7 +265,8 @@ def _tables(
         "WINDOW": plan.weights,
         "RADICES": np.array(chain.radices, np.uint32),
         "N_RADICES": len(chain.radices),
-        "PLACES": _places_of(plan.n_per_segment // 2, chain.radices),
+        # Where each number has to be before it is transformed in place.
+        "PLACES": numbers.reshape(chain.radices[::-1]).T.ravel(),
         "TAPS": decimating_filter()[: DESIGN.half + 1],
         "KERNEL": kernel_halves(),
         "UPSAMPLING": taps,
@@ -279,15 +281,6 @@ def _tables(
         if stage[1:]:
             tables[f"MATRIX_{k}"], tables[f"CONSTANT_{k}"] = stage
     return tables
-
-
-def _places_of(size: int, factors: Sequence[int]) -> Any:
-    """Return where each number has to be before it is transformed in place."""
-    places, rest, block = np.zeros(size, np.uint32), np.arange(size, dtype=np.uint32), size
-    for factor in reversed(factors):
-        block //= factor
-        places, rest = places + rest % factor * block, rest // factor
-    return places
 
 
 def _stages(chain: ExportedModel) -> Iterable[str]:
@@ -308,7 +301,7 @@ def _stages(chain: ExportedModel) -> Iterable[str]:
 
 def _counted(
     chain: ExportedModel,
-    sizes: Mapping[str, Any],
+    n: Mapping[str, Any],
     stated: Mapping[str, float],
     tables: Mapping[str, Any],
     size: int,
@@ -317,7 +310,6 @@ def _counted(
 
     The state as the header declares it; the steps as the program carries them out.
     """
-    n = dict(sizes)
     rows, channels, blocks = n["n_rows"], n["n_channels"], n["n_channels"] * n["n_bins"]
     density = rows * n["grid"] + n["tail"] * (1 + rows) + 2 * blocks + n["n_bins"] + 7
     stroke = n["n_densities"] * (density * size + 16) + (2 * channels + 3) * size + 8
@@ -335,12 +327,8 @@ def _counted(
     dense = sum(factor * (each + made * (factor > 1)) for factor in range(1, n["n_densities"] + 1))
     average = dense + n["n_densities"] * outputs * (output + segment / n["step"])
     longest = average + n["n_densities"] * segment
-    return {
-        "ram": int(ram),
-        "constants": int(constants),
-        "operations": int(average),
-        "longest": int(longest),
-    }
+    counted = {"ram": ram, "constants": constants, "operations": average, "longest": longest}
+    return {name: int(value) for name, value in counted.items()}
 
 
 class _Numbers:
@@ -386,18 +374,13 @@ class _Numbers:
                 continue
             kind = {"i": "int32_t", "u": "uint32_t"}.get(array.dtype.kind, "emacm_real")
             sizes = "".join(f"[{n}]" for n in array.shape)
-            yield f"static const {kind} {name}{sizes} = {self._nested(array)};"
-
-    def _nested(self, array: Any) -> str:
-        if array.ndim == 0:
-            return self(array[()])
-        parts = [self._nested(part) for part in array]
-        lines = [", ".join(parts[k : k + 8]) for k in range(0, len(parts), 8)]
-        return "{" + ",\n ".join(lines) + "}"
+            listed = np.array2string(
+                array, separator=", ", threshold=array.size, formatter={"all": self}
+            )
+            braces = listed.replace("[", "{").replace("]", "}")
+            yield f"static const {kind} {name}{sizes} = {braces};"
 
 
 def _labels(labels: Any) -> str:
     """Return labels as strings of C, in UTF-8."""
-    texts = [str(label).encode() for label in np.asarray(labels).tolist()]
-    safe = {b: chr(b) for b in range(32, 127) if chr(b) not in '"\\?'}
-    return ", ".join(f'"{"".join(safe.get(b, f"{chr(92)}{b:03o}") for b in t)}"' for t in texts)
+    return ", ".join(json.dumps(str(label), ensure_ascii=False) for label in labels.tolist())
