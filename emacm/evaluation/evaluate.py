@@ -17,7 +17,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from emacm._checks import check_count
 from emacm._statements import warn
 from emacm.decisions.costs import stated_costs
 from emacm.decisions.pipelines import check_unknown_states
@@ -264,7 +263,6 @@ def evaluate(
     """
     check_unknown_states(estimator)
     classes = checked_classes(y, X)
-    check_count(n_splits, "n_splits", at_least=2)
     rule = scoring_rule(np.unique(classes), healthy=healthy, **stated_costs(estimator))
     labels = [rule.family_of[label] for label in classes.tolist()]
     groupings = read_groupings(X, runs, units, conditions)

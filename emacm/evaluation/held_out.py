@@ -19,7 +19,7 @@ from sklearn.model_selection import (
     check_cv,
 )
 
-from emacm._checks import located
+from emacm._checks import check_count, located
 from emacm.decisions.costs import narrowed
 from emacm.decisions.pipelines import before_the_last_step, groups_are_units, groups_options
 from emacm.decisions.truths import check_distinct
@@ -184,6 +184,7 @@ def all_schemes(
     TypeError, ValueError
         If `splits` has another form, two schemes have the same name, or as `given_folds`.
     """
+    check_count(n_splits, "n_splits", at_least=2)
     if not isinstance(splits, Mapping | None):
         raise TypeError(
             f"splits must map names to splits, as {{'later runs': (train, test)}}; got {splits!r}."

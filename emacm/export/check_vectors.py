@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from emacm.export.exported_model import ExportedModel
 from emacm.streams.order_monitor import OrderMonitor
-from emacm.streams.streamed_models import Reading
 
 # Speed in 16 sections of equal length, in 64ths of the highest: forward, at rest, and in reverse.
 _SECTIONS = np.array([0, 20, 64, 61, 58, 55, 52, 48, 20, 0, -20, -64, -60, -56, -52, -48])
@@ -71,16 +70,14 @@ def check_tables(
         "LEVEL": np.array(levels),
         "SPEED": np.array(speeds),
         "SECTIONS": _SECTIONS,
-        "DECISION": np.array([_place(decisions, reading) for reading in readings]),
+        "DECISION": np.array(
+            [-1 if r.decision is None else decisions.index(r.decision) for r in readings]
+        ),
         "FEATURES": np.array(
             [np.zeros(n_features) if r.features is None else r.features for r in readings]
         ),
         "TYPICALITY": np.array([-1.0 if r.typicality is None else r.typicality for r in readings]),
     }
-
-
-def _place(decisions: list[Any], reading: Reading) -> int:
-    return -1 if reading.decision is None else decisions.index(reading.decision)
 
 
 def _noise(seed: int, size: int) -> NDArray[np.int32]:

@@ -164,14 +164,11 @@ def radices(length: int, largest: int = 61) -> list[int]:
     """
     found = _prime_factors(length // 2)
     if length % 2 or length < 16 or found[-1] > largest:
-        possible = [
-            n for n in range(16, 2 * length + 32, 2) if _prime_factors(n // 2)[-1] <= largest
-        ]
-        below = [n for n in possible if n < length][-1:]
-        nearest = [*below, *[n for n in possible if n > length][:1]]
+        possible = (n for n in range(16, 2 * length, 2) if _prime_factors(n // 2)[-1] <= largest)
+        nearest = min(possible, key=lambda n: abs(n - length), default=16)
         raise ValueError(
             f"segments of OrderPSD of {length} samples cannot be exported; the nearest that can "
-            f"have {' or '.join(map(str, nearest))}. Set n_per_segment, or revolutions or theta_s."
+            f"have {nearest}. Set n_per_segment, or revolutions or theta_s."
         )
     return found
 

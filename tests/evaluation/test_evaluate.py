@@ -92,14 +92,6 @@ def test_near_copies_give_an_optimistic_random_split_and_chance_by_run():
     assert re.search(r"random split is optimistic: .* interval of 'by run'\.", found.caveats[0])
 
 
-def test_intervals_by_run_count_runs_and_not_copies():
-    found = evaluated_copies()
-    width = found.table["accuracy_high"] - found.table["accuracy_low"]
-    binomial = 2 * 1.96 * np.sqrt((1 / 3) * (2 / 3) / 60)  # of 60 runs, all right or all wrong
-    assert width["by run"] == pytest.approx(binomial, rel=0.25)
-    assert found.table.loc["by run", "groups"] == 60
-
-
 def test_figures_are_those_of_scikit_learn_on_the_decisions():
     found = evaluated_states()
     for scheme, held in found.predictions.groupby("scheme"):

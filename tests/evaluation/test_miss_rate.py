@@ -121,15 +121,6 @@ def test_a_tie_that_is_decided_healthy_is_missed():
     assert 1 < limit.factor < 1.00001
 
 
-@pytest.mark.parametrize(("n_runs", "most_missed"), [(1, 5), (2, 4.5)])
-def test_as_many_are_missed_as_the_test_for_one_or_several_recordings_allows(n_runs, most_missed):
-    model = CostSensitiveGaussianBayes().fit(*fleet(90, 2, 0, between=2.0)[:2])
-    X, y, units = fleet(100, n_runs, 1, between=2.0)
-    limit = miss_rate_limit(model, X, y, units, rate=0.2, healthy="healthy")
-    assert largest_missed(50, 0.2, 0.95, exact=n_runs == 1) * 50 // 0.5 * 0.5 == most_missed
-    assert limit.table.loc["limit", "missed_by_unit"] * 50 == pytest.approx(most_missed)
-
-
 def test_the_bound_of_means_is_at_least_those_of_hoeffding_and_bentkus():
     n_units, rate = 140, 0.1
     fraction = largest_missed(n_units, rate, 0.95)

@@ -2,12 +2,13 @@
 
 import json
 from hashlib import sha256
+from inspect import getmembers, isfunction
 
 import pytest
 
 from emacm.__main__ import main
 from emacm.verification import answers, record
-from emacm.verification.record import checks, known_answers, verify
+from emacm.verification.record import known_answers, verify
 
 ANSWERS = known_answers()
 
@@ -20,7 +21,9 @@ def test_this_installation_computes_the_known_answers(check):
 
 
 def test_every_check_has_answers_and_every_answer_a_source():
-    assert set(ANSWERS.index.unique("check")) == set(checks())
+    functions = getmembers(answers, isfunction)
+    own = {name for name, check in functions if check.__module__ == answers.__name__}
+    assert set(ANSWERS.index.unique("check")) == {name for name in own if name[0] != "_"}
     assert ANSWERS.notna().all(axis=None)
     assert ANSWERS.index.is_unique
 
