@@ -218,19 +218,12 @@ def scoring_rule(
     if priors is not None:
         known_priors, _ = truth_priors(priors, classes, np.ones(len(classes)), unknown)
         priors = dict(zip(names, known_priors.tolist(), strict=True))
-    healthy = _healthy_label(healthy, {name: correct[name][0] for name in names})
+    family_of = {name: correct[name][0] for name in names}
+    labels = list(dict.fromkeys([*names, *family_of.values()]))
+    if healthy is not None and healthy not in labels:
+        raise ValueError(f"healthy={healthy!r} is neither a class nor a family: {labels}.")
+    healthy = family_of.get(healthy, healthy)
     return ScoringRule(names, correct, table, healthy, unknown, priors)
-
-
-def _healthy_label(healthy: Any, family_of: Mapping[Any, Any]) -> Any:
-    if healthy is None:
-        return None
-    names = [*family_of, *family_of.values()]
-    if healthy not in names:
-        raise ValueError(
-            f"healthy={healthy!r} is neither a class nor a family: {[*dict.fromkeys(names)]}."
-        )
-    return family_of.get(healthy, healthy)
 
 
 def checked_classes(y: ArrayLike, X: Any) -> NDArray[Any]:

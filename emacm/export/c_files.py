@@ -12,11 +12,11 @@ from string import Template
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from emacm._checks import check_choice, check_number
 from emacm._saved import write_whole
 from emacm._version import __version__
-from emacm.export.check_vectors import check_tables
 from emacm.export.exported_model import ExportedModel
 from emacm.recordings.names import chosen_channels, printable
 from emacm.resampling.spreading import (
@@ -27,6 +27,10 @@ from emacm.resampling.spreading import (
     upsampling_filter,
 )
 from emacm.shaft.motion import DIRECTIONS, longest_gap
+from emacm.streams.order_monitor import OrderMonitor
+
+# Speed in 16 sections of equal length, in 64ths of the highest: forward, at rest, and in reverse.
+_SECTIONS = np.array([0, 20, 64, 61, 58, 55, 52, 48, 20, 0, -20, -64, -60, -56, -52, -48])
 
 
 @dataclass(frozen=True)
@@ -142,7 +146,7 @@ def export_c(
     turns = ranges["revolutions"][0] if every is None else every
     check_number(turns, "every", at_least=0, unit="revolutions")
     stated = {"fs": float(fs), "max_speed": float(speed), "every": float(turns)}
-    sizes = _sizes(chain, precision, **stated)
+    sizes = _sizes(chain, precision, fs, speed)
     as_text = _Numbers(precision)
     values = sizes | stated | as_text.words
     values |= {"version": __version__, "channels": printable(", ".join(order)).replace("/", " ")}
@@ -152,7 +156,8 @@ def export_c(
     values["stages"] = "\n".join(_stages(chain))
     values["classes"] = _labels(chain.classifier.classes_)
     values["decisions"] = _labels(chain.classifier.decisions_)
-    check = check_tables(model, order, precision, **stated) | {"TOLERANCE": as_text.tolerance}
+    check = _check_tables(chain, model, order, np.dtype(precision).type, stated)
+    check["TOLERANCE"] = as_text.tolerance
     values["check_tables"] = "\n".join(as_text.declared(check))
     counted = _counted(chain, sizes, stated, tables, 4 if precision == "float32" else 8)
     values |= counted | {"ram_stack": 1024 + 64 * sizes["n_classes"]}
@@ -167,9 +172,7 @@ def export_c(
     return ExportedC(written, **counted)
 
 
-def _sizes(
-    chain: ExportedModel, precision: str, fs: float, max_speed: float, every: float
-) -> dict[str, Any]:
+def _sizes(chain: ExportedModel, precision: str, fs: float, max_speed: float) -> dict[str, Any]:
     """Return the sizes of all arrays."""
     plan, resampler, classifier = chain.psd.plan_, chain.resampler, chain.classifier
     highest = resampler.ratio * max_speed * (1 + 1e-9)
@@ -384,3 +387,78 @@ class _Numbers:
 def _labels(labels: Any) -> str:
     """Return labels as strings of C, in UTF-8."""
     return ", ".join(json.dumps(str(label), ensure_ascii=False) for label in labels.tolist())
+
+
+def _check_tables(
+    chain: ExportedModel, model: Any, channels: Sequence[str], dtype: Any, stated: dict[str, float]
+) -> dict[str, Any]:
+    """Return what check.c makes twelve recordings of, and the readings of Python.
+
+    Noise comes from a linear congruential generator, speeds are whole multiples of a number: the
+    samples are the same, bit for bit, on any computer. Levels and speeds are within those of the
+    training, but for one level in three, which is twice as large.
+
+    Parameters
+    ----------
+    chain : ExportedModel
+        The steps of the model.
+    model : estimator
+        Fitted pipeline.
+    channels : sequence of str
+        In the order of a sample.
+    dtype : type
+        Numbers of the samples.
+    stated : dict of str to float
+        "fs", "max_speed" and "every", as for `export_c`.
+
+    Returns
+    -------
+    dict
+    """
+    fs, max_speed, every = stated.values()
+    monitor = OrderMonitor(
+        model, fs=fs, channels=channels, max_speed=max_speed, every=every or None
+    )
+    ranges, ratio = chain.resampler.training_range_.ranges, chain.resampler.ratio
+    rng = np.random.default_rng(12)
+    levels, speeds, sizes, readings = [], [], [], []
+    for number in range(12):
+        low, high = np.array([ranges[f"level of {name}"] for name in channels]).T
+        level = low * (high / np.maximum(low, 1e-30)) ** rng.uniform(size=len(channels))
+        level *= 2 if number % 3 == 2 else 1
+        slowest, fastest = ranges["fastest"]
+        speed = min(rng.uniform(slowest, fastest) / ratio, 0.999 * max_speed)
+        turns = every or ranges["revolutions"][0]
+        size = int(2 * turns * 2 * np.pi / ratio / speed * fs) + 64
+        levels.append((level * np.sqrt(3) / 2**23).astype(dtype))
+        speeds.append(dtype(speed / 64))
+        sizes.append(size)
+        noise = _noise(number + 1, size * len(channels)).reshape(size, -1)
+        signals = (noise.astype(dtype) * levels[-1]).T
+        velocity = _SECTIONS.astype(dtype)[16 * np.arange(size) // size] * speeds[-1]
+        found = monitor.push(signals, velocity=velocity)
+        readings.append([*found, *monitor.flush(complete=True)][0])
+    decisions = chain.classifier.decisions_.tolist()
+    n_features = chain.classifier.n_features_in_
+    return {
+        "N_READINGS": len(readings),
+        "N_SAMPLES": np.array(sizes, np.uint32),
+        "LEVEL": np.array(levels),
+        "SPEED": np.array(speeds),
+        "SECTIONS": _SECTIONS,
+        "DECISION": np.array(
+            [-1 if r.decision is None else decisions.index(r.decision) for r in readings]
+        ),
+        "FEATURES": np.array(
+            [np.zeros(n_features) if r.features is None else r.features for r in readings]
+        ),
+        "TYPICALITY": np.array([-1.0 if r.typicality is None else r.typicality for r in readings]),
+    }
+
+
+def _noise(seed: int, size: int) -> NDArray[np.int32]:
+    """Return whole numbers of 24 bits, of the generator of Numerical Recipes."""
+    powers = np.full(size, 1664525, np.uint32).cumprod(dtype=np.uint32)
+    sums = np.append(np.uint32(1), powers[:-1]).cumsum(dtype=np.uint32)
+    state: Any = powers * np.uint32(seed) + np.uint32(1013904223) * sums
+    return (state >> 8).astype(np.int32) - 2**23

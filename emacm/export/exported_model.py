@@ -23,7 +23,7 @@ from emacm.orders.bin_transformer import BinTransformer
 from emacm.streams.streamed_models import StreamedModel
 
 Array = NDArray[np.floating]
-_LOGARITHMS = {np.log: "log", np.log10: "log10", np.log2: "log2"}
+_LOGARITHMS = np.log, np.log10, np.log2  # of the same names in C
 
 
 class ExportedModel(StreamedModel):
@@ -87,7 +87,7 @@ class ExportedModel(StreamedModel):
             if step is self.transformers[0] and isinstance(step, BinTransformer):
                 continue
             if isinstance(step, FunctionTransformer) and step.func in _LOGARITHMS:
-                yield (_LOGARITHMS[step.func],)
+                yield (step.func.__name__,)
                 continue
             matrix, constant = _affine(step, width)
             width = len(constant)
