@@ -87,7 +87,8 @@ def compare(
     and folds, that is, equal positions, true classes and groups, which is checked; that the
     positions denote the same recordings is assumed. Otherwise no difference is given, and a caveat
     states the reason. Two intervals that overlap may belong to a difference whose interval excludes
-    0. Differences of costs need equal costs.
+    0. Each interval holds by itself: among many evaluations, some exclude 0 by chance. Differences
+    of costs need equal costs and priors.
 
     References
     ----------
@@ -128,11 +129,6 @@ def compare(
                 f"priors of the classifiers, differ."
             )
             rows[name] = {key: value for key, value in rows[name].items() if "_cost" not in key}
-    if sum(map(bool, rows.values())) > 1:
-        caveats.append(
-            f"The intervals of {len(rows)} evaluations hold one at a time; among many, some "
-            f"exclude 0 by chance."
-        )
     table = pd.DataFrame([each.table.loc[compared] for each in named.values()], [*named])
     differences = pd.DataFrame([*rows.values()], index=[*rows])
     differences = differences[[name for name in base.table if name in differences]]
