@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -148,6 +149,7 @@ class GroupBootstrap:
         check_number(self.confidence, "confidence", above=0, below=1)
 
     @staticmethod
+    @lru_cache(maxsize=1)  # several results are of the same groups
     def times(n_groups: int) -> Array:
         """Return how often each group is drawn, shape (n_draws, n_groups)."""
         shares = np.full(n_groups, 1 / n_groups)
