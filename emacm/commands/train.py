@@ -25,8 +25,7 @@ from emacm.commands.loaded_model import set_costs
 from emacm.conditions.feature_baseline import FeatureBaseline, left_out_differences
 from emacm.decisions.pipelines import final_estimator
 from emacm.evaluation.comparison import compare
-from emacm.evaluation.evaluate import evaluate
-from emacm.evaluation.results import Evaluation, as_texts
+from emacm.evaluation.evaluate import Evaluation, as_texts, evaluate
 from emacm.files.folder import RecordingFolder
 from emacm.files.layout import Layout
 from emacm.history.sqlite_history import History

@@ -14,7 +14,7 @@ from sklearn.utils import check_consistent_length
 from emacm.decisions.costs import label_list
 from emacm.displays import drawing
 from emacm.displays.drawing import Display
-from emacm.evaluation.results import Evaluation
+from emacm.evaluation.evaluate import Evaluation
 
 # Rate: label, colour and marker.
 RATES = {

@@ -9,8 +9,8 @@ from typing import Any
 import pandas as pd
 
 from emacm.evaluation.bootstrap import GroupBootstrap, gap_of_cells
+from emacm.evaluation.evaluate import Evaluation, Printed, as_texts
 from emacm.evaluation.figures import tallies
-from emacm.evaluation.results import Evaluation, Printed, as_texts
 from emacm.evaluation.scoring import ScoringRule
 
 
@@ -87,7 +87,8 @@ def compare(
     and folds, that is, equal positions, true classes and groups, which is checked; that the
     positions denote the same recordings is assumed. Otherwise no difference is given, and a caveat
     states the reason. Two intervals that overlap may belong to a difference whose interval excludes
-    0. Differences of costs need equal costs.
+    0. Each interval holds by itself: among many evaluations, some exclude 0 by chance. Differences
+    of costs need equal costs and priors.
 
     References
     ----------
@@ -122,14 +123,12 @@ def compare(
             caveats.append(f"No differences between {name!r} and {first!r}: {reason}")
             continue
         rows[name] = _differences(base, named[name], compared)
-        if reason := _unequal_costs(base.scoring, named[name].scoring):
-            caveats.append(f"No differences of costs between {name!r} and {first!r}: {reason}")
+        if _have_unequal_costs(base.scoring, named[name].scoring):
+            caveats.append(
+                f"No differences of costs between {name!r} and {first!r}: their costs, or the "
+                f"priors of the classifiers, differ."
+            )
             rows[name] = {key: value for key, value in rows[name].items() if "_cost" not in key}
-    if sum(map(bool, rows.values())) > 1:
-        caveats.append(
-            f"The intervals of {len(rows)} evaluations hold one at a time; among many, some "
-            f"exclude 0 by chance."
-        )
     table = pd.DataFrame([each.table.loc[compared] for each in named.values()], [*named])
     differences = pd.DataFrame([*rows.values()], index=[*rows])
     differences = differences[[name for name in base.table if name in differences]]
@@ -172,8 +171,6 @@ def _held_out(evaluation: Evaluation, scheme: str) -> pd.DataFrame:
 def _unpaired(base: Evaluation, other: Evaluation, scheme: str) -> str:
     """Return why two evaluations are not paired; empty if they are."""
     first, second = (_held_out(each, scheme) for each in (base, other))
-    if len(first) != len(second):
-        return f"they have {len(second)} and {len(first)} recordings held out."
     columns = {"recording": "recordings", "fold": "folds", "truth": "classes", "group": "groups"}
     differing = [what for c, what in columns.items() if [*first[c]] != [*second[c]]]
     if differing:
@@ -182,16 +179,14 @@ def _unpaired(base: Evaluation, other: Evaluation, scheme: str) -> str:
     return "" if labels[0] == labels[1] else "their labels or healthy labels differ."
 
 
-def _unequal_costs(base: ScoringRule, other: ScoringRule) -> str:
-    """Return why costs are not comparable; empty if they are."""
-    if base.priors != other.priors:
-        return "the priors of the classifiers differ."
+def _have_unequal_costs(base: ScoringRule, other: ScoringRule) -> bool:
+    """Return whether costs, or the priors that weight them, differ."""
     # One of two classifiers may have no unknown state.
-    tables = [
+    costs, others = (
         rule.costs.drop(index=[rule.unknown], columns=[rule.unknown], errors="ignore")
         for rule in (base, other)
-    ]
-    return "" if tables[0].equals(tables[1]) else "their costs differ."
+    )
+    return base.priors != other.priors or not costs.equals(others)
 
 
 def _differences(base: Evaluation, other: Evaluation, scheme: str) -> dict[str, float]:

@@ -19,7 +19,7 @@ from sklearn.model_selection import (
     check_cv,
 )
 
-from emacm._checks import located
+from emacm._checks import check_count, located
 from emacm.decisions.costs import check_distinct
 from emacm.decisions.pipelines import (
     before_the_last_step,
@@ -188,6 +188,7 @@ def all_schemes(
     TypeError, ValueError
         If `splits` has another form, two schemes have the same name, or as `given_folds`.
     """
+    check_count(n_splits, "n_splits", at_least=2)
     if not isinstance(splits, Mapping | None):
         raise TypeError(
             f"splits must map names to splits, as {{'later runs': (train, test)}}; got {splits!r}."
@@ -246,12 +247,7 @@ def why_impossible(folds: Sequence[Fold], labels: Sequence[Any]) -> str:
 
 def _checked_fold(train: Any, test: Any, n_recordings: int, number: int) -> Fold:
     recordings = np.arange(n_recordings)
-    try:
-        train, test = (np.unique(recordings[list(part)]) for part in (train, test))
-    except IndexError as error:
-        raise ValueError(
-            f"fold {number}: give positions of recordings, or masks: {error}."
-        ) from error
+    train, test = (np.unique(recordings[list(part)]) for part in (train, test))
     both = np.intersect1d(train, test)
     if len(both) or not (len(train) and len(test)):
         raise ValueError(
@@ -368,8 +364,6 @@ def _decide(
             table["unknown_proba"] = final.unknown_proba(held_out)
         known = np.asarray(getattr(model, "classes_", np.unique(y[fold.train])))
         posterior = pd.DataFrame(final.predict_proba(held_out), table.index, known.tolist())
-        if not np.allclose(posterior.sum(axis=1), 1, atol=1e-5):
-            raise ValueError("predict_proba of the estimator must return rows that add up to 1.")
         return table, posterior
 
 

@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_count
 from emacm.decisions.pipelines import stated_costs
 from emacm.evaluation.bootstrap import Array, GroupBootstrap, Tally
+from emacm.evaluation.evaluate import Printed, as_texts, judged_decisions
 from emacm.evaluation.figures import probability_columns
 from emacm.evaluation.held_out import (
     Fold,
@@ -22,7 +22,6 @@ from emacm.evaluation.held_out import (
     decide_held_out,
     read_groupings,
 )
-from emacm.evaluation.results import Printed, as_texts, judged_decisions
 from emacm.evaluation.scoring import ScoringRule, checked_classes, scoring_rule
 
 
@@ -110,7 +109,6 @@ def evaluate_unknown(
     if stated["unknown"] is None:
         raise ValueError("estimator has no unknown state: set unknown= of the classifier.")
     classes = checked_classes(y, X)
-    check_count(n_splits, "n_splits", at_least=2)
     rule = scoring_rule(np.unique(classes), healthy=healthy, **stated)
     labels = [rule.family_of[label] for label in classes.tolist()]
     groupings = read_groupings(X, runs, units)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -68,10 +68,6 @@ class ScoringRule:
     def _correct_for(self, labels: set[Any]) -> set[Any]:
         names = [name for name, label in self.family_of.items() if label in labels]
         return {decision for name in names for decision in self.correct[name]}
-
-    def other_decisions(self, decisions: Sequence[Any]) -> list[Any]:
-        """Return the decisions that are neither classes nor families and have no cost."""
-        return [name for name in dict.fromkeys(decisions) if name not in self.costs.index]
 
     def constant_costs(self, truths: Sequence[Any]) -> pd.DataFrame:
         """Return the mean cost of the same decision for every recording, as a yardstick.
@@ -221,22 +217,12 @@ def scoring_rule(
     if priors is not None:
         known_priors, _ = truth_priors(priors, classes, np.ones(len(classes)), unknown)
         priors = dict(zip(names, known_priors.tolist(), strict=True))
-    healthy = _healthy_label(healthy, {name: correct[name][0] for name in names})
+    family_of = {name: correct[name][0] for name in names}
+    labels = list(dict.fromkeys([*names, *family_of.values()]))
+    if healthy is not None and healthy not in labels:
+        raise ValueError(f"healthy={healthy!r} is neither a class nor a family: {labels}.")
+    healthy = family_of.get(healthy, healthy)
     return ScoringRule(names, correct, table, healthy, unknown, priors)
-
-
-def _healthy_label(healthy: Any, family_of: Mapping[Any, Any]) -> Any:
-    if healthy is None:
-        return None
-    if not isinstance(healthy, Hashable):
-        raise TypeError(f"healthy must be one class or family, got {healthy!r}.")
-    labels = list(dict.fromkeys(family_of.values()))
-    label = family_of.get(healthy, healthy)
-    if label not in labels:
-        raise ValueError(
-            f"healthy={healthy!r} is neither a class nor a family: {[*family_of]}, {labels}."
-        )
-    return label
 
 
 def checked_classes(y: ArrayLike, X: Any) -> NDArray[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -11,13 +12,13 @@ from string import Template
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from emacm._checks import check_choice, check_number
 from emacm._saved import write_whole
 from emacm._version import __version__
-from emacm.export.check_vectors import check_tables
 from emacm.export.exported_model import ExportedModel
-from emacm.recordings.names import check_channel_names, chosen_channels, printable
+from emacm.recordings.names import chosen_channels, printable
 from emacm.resampling.spreading import (
     DESIGN,
     decimating_filter,
@@ -26,6 +27,10 @@ from emacm.resampling.spreading import (
     upsampling_filter,
 )
 from emacm.shaft.motion import DIRECTIONS, longest_gap
+from emacm.streams.order_monitor import OrderMonitor
+
+# Speed in 16 sections of equal length, in 64ths of the highest: forward, at rest, and in reverse.
+_SECTIONS = np.array([0, 20, 64, 61, 58, 55, 52, 48, 20, 0, -20, -64, -60, -56, -52, -48])
 
 
 @dataclass(frozen=True)
@@ -125,8 +130,7 @@ def export_c(
     check_choice(precision, "precision", ("float32", "float64"))
     names = chain.resampler.channels_
     order = chosen_channels(names if channels is None else channels, ())
-    check_channel_names(order, names, "channels")
-    if len(order) > len(names):
+    if sorted(order) != sorted(names):
         raise ValueError(f"channels must be those of the model, {list(names)}, got {order}.")
     ratio, ranges = chain.resampler.ratio, chain.resampler.training_range_.ranges
     speed = 1.1 * ranges["fastest"][1] / ratio if max_speed is None else max_speed
@@ -142,7 +146,7 @@ def export_c(
     turns = ranges["revolutions"][0] if every is None else every
     check_number(turns, "every", at_least=0, unit="revolutions")
     stated = {"fs": float(fs), "max_speed": float(speed), "every": float(turns)}
-    sizes = _sizes(chain, precision, **stated)
+    sizes = _sizes(chain, precision, fs, speed)
     as_text = _Numbers(precision)
     values = sizes | stated | as_text.words
     values |= {"version": __version__, "channels": printable(", ".join(order)).replace("/", " ")}
@@ -152,7 +156,8 @@ def export_c(
     values["stages"] = "\n".join(_stages(chain))
     values["classes"] = _labels(chain.classifier.classes_)
     values["decisions"] = _labels(chain.classifier.decisions_)
-    check = check_tables(model, order, precision, **stated) | {"TOLERANCE": as_text.tolerance}
+    check = _check_tables(chain, model, order, np.dtype(precision).type, stated)
+    check["TOLERANCE"] = as_text.tolerance
     values["check_tables"] = "\n".join(as_text.declared(check))
     counted = _counted(chain, sizes, stated, tables, 4 if precision == "float32" else 8)
     values |= counted | {"ram_stack": 1024 + 64 * sizes["n_classes"]}
@@ -167,9 +172,7 @@ def export_c(
     return ExportedC(written, **counted)
 
 
-def _sizes(
-    chain: ExportedModel, precision: str, fs: float, max_speed: float, every: float
-) -> dict[str, Any]:
+def _sizes(chain: ExportedModel, precision: str, fs: float, max_speed: float) -> dict[str, Any]:
     """Return the sizes of all arrays."""
     plan, resampler, classifier = chain.psd.plan_, chain.resampler, chain.classifier
     highest = resampler.ratio * max_speed * (1 + 1e-9)
@@ -245,6 +248,7 @@ def _tables(
     """Return the constants of the program."""
     plan, resampler = chain.psd.plan_, chain.resampler
     turn = 2 * np.pi * np.arange(plan.n_per_segment) / plan.n_per_segment
+    numbers = np.arange(plan.n_per_segment // 2, dtype=np.uint32)
     factors = np.arange(1, sizes["n_densities"] + 1)
     # As `upsampling`: up to which speed the samples of a density are dense enough.
     dense = np.where(factors == 1, 0.5, factors - 0.58)
@@ -264,7 +268,8 @@ def _tables(
         "WINDOW": plan.weights,
         "RADICES": np.array(chain.radices, np.uint32),
         "N_RADICES": len(chain.radices),
-        "PLACES": _places_of(plan.n_per_segment // 2, chain.radices),
+        # Where each number has to be before it is transformed in place.
+        "PLACES": numbers.reshape(chain.radices[::-1]).T.ravel(),
         "TAPS": decimating_filter()[: DESIGN.half + 1],
         "KERNEL": kernel_halves(),
         "UPSAMPLING": taps,
@@ -279,15 +284,6 @@ def _tables(
         if stage[1:]:
             tables[f"MATRIX_{k}"], tables[f"CONSTANT_{k}"] = stage
     return tables
-
-
-def _places_of(size: int, factors: Sequence[int]) -> Any:
-    """Return where each number has to be before it is transformed in place."""
-    places, rest, block = np.zeros(size, np.uint32), np.arange(size, dtype=np.uint32), size
-    for factor in reversed(factors):
-        block //= factor
-        places, rest = places + rest % factor * block, rest // factor
-    return places
 
 
 def _stages(chain: ExportedModel) -> Iterable[str]:
@@ -308,7 +304,7 @@ def _stages(chain: ExportedModel) -> Iterable[str]:
 
 def _counted(
     chain: ExportedModel,
-    sizes: Mapping[str, Any],
+    n: Mapping[str, Any],
     stated: Mapping[str, float],
     tables: Mapping[str, Any],
     size: int,
@@ -317,7 +313,6 @@ def _counted(
 
     The state as the header declares it; the steps as the program carries them out.
     """
-    n = dict(sizes)
     rows, channels, blocks = n["n_rows"], n["n_channels"], n["n_channels"] * n["n_bins"]
     density = rows * n["grid"] + n["tail"] * (1 + rows) + 2 * blocks + n["n_bins"] + 7
     stroke = n["n_densities"] * (density * size + 16) + (2 * channels + 3) * size + 8
@@ -335,12 +330,8 @@ def _counted(
     dense = sum(factor * (each + made * (factor > 1)) for factor in range(1, n["n_densities"] + 1))
     average = dense + n["n_densities"] * outputs * (output + segment / n["step"])
     longest = average + n["n_densities"] * segment
-    return {
-        "ram": int(ram),
-        "constants": int(constants),
-        "operations": int(average),
-        "longest": int(longest),
-    }
+    counted = {"ram": ram, "constants": constants, "operations": average, "longest": longest}
+    return {name: int(value) for name, value in counted.items()}
 
 
 class _Numbers:
@@ -386,18 +377,88 @@ class _Numbers:
                 continue
             kind = {"i": "int32_t", "u": "uint32_t"}.get(array.dtype.kind, "emacm_real")
             sizes = "".join(f"[{n}]" for n in array.shape)
-            yield f"static const {kind} {name}{sizes} = {self._nested(array)};"
-
-    def _nested(self, array: Any) -> str:
-        if array.ndim == 0:
-            return self(array[()])
-        parts = [self._nested(part) for part in array]
-        lines = [", ".join(parts[k : k + 8]) for k in range(0, len(parts), 8)]
-        return "{" + ",\n ".join(lines) + "}"
+            listed = np.array2string(
+                array, separator=", ", threshold=array.size, formatter={"all": self}
+            )
+            braces = listed.replace("[", "{").replace("]", "}")
+            yield f"static const {kind} {name}{sizes} = {braces};"
 
 
 def _labels(labels: Any) -> str:
     """Return labels as strings of C, in UTF-8."""
-    texts = [str(label).encode() for label in np.asarray(labels).tolist()]
-    safe = {b: chr(b) for b in range(32, 127) if chr(b) not in '"\\?'}
-    return ", ".join(f'"{"".join(safe.get(b, f"{chr(92)}{b:03o}") for b in t)}"' for t in texts)
+    return ", ".join(json.dumps(str(label), ensure_ascii=False) for label in labels.tolist())
+
+
+def _check_tables(
+    chain: ExportedModel, model: Any, channels: Sequence[str], dtype: Any, stated: dict[str, float]
+) -> dict[str, Any]:
+    """Return what check.c makes twelve recordings of, and the readings of Python.
+
+    Noise comes from a linear congruential generator, speeds are whole multiples of a number: the
+    samples are the same, bit for bit, on any computer. Levels and speeds are within those of the
+    training, but for one level in three, which is twice as large.
+
+    Parameters
+    ----------
+    chain : ExportedModel
+        The steps of the model.
+    model : estimator
+        Fitted pipeline.
+    channels : sequence of str
+        In the order of a sample.
+    dtype : type
+        Numbers of the samples.
+    stated : dict of str to float
+        "fs", "max_speed" and "every", as for `export_c`.
+
+    Returns
+    -------
+    dict
+    """
+    fs, max_speed, every = stated.values()
+    monitor = OrderMonitor(
+        model, fs=fs, channels=channels, max_speed=max_speed, every=every or None
+    )
+    ranges, ratio = chain.resampler.training_range_.ranges, chain.resampler.ratio
+    rng = np.random.default_rng(12)
+    levels, speeds, sizes, readings = [], [], [], []
+    for number in range(12):
+        low, high = np.array([ranges[f"level of {name}"] for name in channels]).T
+        level = low * (high / np.maximum(low, 1e-30)) ** rng.uniform(size=len(channels))
+        level *= 2 if number % 3 == 2 else 1
+        slowest, fastest = ranges["fastest"]
+        speed = min(rng.uniform(slowest, fastest) / ratio, 0.999 * max_speed)
+        turns = every or ranges["revolutions"][0]
+        size = int(2 * turns * 2 * np.pi / ratio / speed * fs) + 64
+        levels.append((level * np.sqrt(3) / 2**23).astype(dtype))
+        speeds.append(dtype(speed / 64))
+        sizes.append(size)
+        noise = _noise(number + 1, size * len(channels)).reshape(size, -1)
+        signals = (noise.astype(dtype) * levels[-1]).T
+        velocity = _SECTIONS.astype(dtype)[16 * np.arange(size) // size] * speeds[-1]
+        found = monitor.push(signals, velocity=velocity)
+        readings.append([*found, *monitor.flush(complete=True)][0])
+    decisions = chain.classifier.decisions_.tolist()
+    n_features = chain.classifier.n_features_in_
+    return {
+        "N_READINGS": len(readings),
+        "N_SAMPLES": np.array(sizes, np.uint32),
+        "LEVEL": np.array(levels),
+        "SPEED": np.array(speeds),
+        "SECTIONS": _SECTIONS,
+        "DECISION": np.array(
+            [-1 if r.decision is None else decisions.index(r.decision) for r in readings]
+        ),
+        "FEATURES": np.array(
+            [np.zeros(n_features) if r.features is None else r.features for r in readings]
+        ),
+        "TYPICALITY": np.array([-1.0 if r.typicality is None else r.typicality for r in readings]),
+    }
+
+
+def _noise(seed: int, size: int) -> NDArray[np.int32]:
+    """Return whole numbers of 24 bits, of the generator of Numerical Recipes."""
+    powers = np.full(size, 1664525, np.uint32).cumprod(dtype=np.uint32)
+    sums = np.append(np.uint32(1), powers[:-1]).cumsum(dtype=np.uint32)
+    state: Any = powers * np.uint32(seed) + np.uint32(1013904223) * sums
+    return (state >> 8).astype(np.int32) - 2**23

@@ -23,7 +23,7 @@ from emacm.orders.bin_transformer import BinTransformer
 from emacm.streams.streamed_models import StreamedModel
 
 Array = NDArray[np.floating]
-_LOGARITHMS = {np.log: "log", np.log10: "log10", np.log2: "log2"}
+_LOGARITHMS = np.log, np.log10, np.log2  # of the same names in C
 
 
 class ExportedModel(StreamedModel):
@@ -87,7 +87,7 @@ class ExportedModel(StreamedModel):
             if step is self.transformers[0] and isinstance(step, BinTransformer):
                 continue
             if isinstance(step, FunctionTransformer) and step.func in _LOGARITHMS:
-                yield (_LOGARITHMS[step.func],)
+                yield (step.func.__name__,)
                 continue
             matrix, constant = _affine(step, width)
             width = len(constant)
@@ -164,14 +164,11 @@ def radices(length: int, largest: int = 61) -> list[int]:
     """
     found = _prime_factors(length // 2)
     if length % 2 or length < 16 or found[-1] > largest:
-        possible = [
-            n for n in range(16, 2 * length + 32, 2) if _prime_factors(n // 2)[-1] <= largest
-        ]
-        below = [n for n in possible if n < length][-1:]
-        nearest = [*below, *[n for n in possible if n > length][:1]]
+        possible = (n for n in range(16, 2 * length, 2) if _prime_factors(n // 2)[-1] <= largest)
+        nearest = min(possible, key=lambda n: abs(n - length), default=16)
         raise ValueError(
             f"segments of OrderPSD of {length} samples cannot be exported; the nearest that can "
-            f"have {' or '.join(map(str, nearest))}. Set n_per_segment, or revolutions or theta_s."
+            f"have {nearest}. Set n_per_segment, or revolutions or theta_s."
         )
     return found
 

@@ -147,12 +147,11 @@ def coverage_by_unit(
     covered = pd.Series((low <= true) & (true <= high)).groupby(grouping.labels)
     table = pd.DataFrame({"coverage": covered.mean(), "n_readings": covered.size()})
     n_units, mean = len(table), float(table["coverage"].mean())
-    table.loc["all"] = [mean, float(len(true))]
     table[["low", "high"]] = np.nan
     hits = mean * n_units
     low_limit = beta.ppf(0.025, hits, n_units - hits + 1) if hits > 0 else 0.0
     high_limit = beta.ppf(0.975, hits + 1, n_units - hits) if hits < n_units else 1.0
-    table.loc["all", ["low", "high"]] = [low_limit, high_limit]
+    table.loc["all"] = [mean, float(len(true)), low_limit, high_limit]
     return table
 
 

@@ -16,8 +16,7 @@ from emacm._statements import warn
 from emacm.conditions.feature_baseline import FeatureBaseline, left_out_differences
 from emacm.conditions.healthy import healthy_recordings
 from emacm.decisions.pipelines import groups_options, search_estimator
-from emacm.evaluation.evaluate import evaluate
-from emacm.evaluation.results import Evaluation
+from emacm.evaluation.evaluate import Evaluation, evaluate
 from emacm.machine.fault_orders import Parts
 from emacm.machine.find_faults import find_faults
 from emacm.recordings.inputs import as_list, described

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 
 from emacm.decisions.pipelines import fitted_resamplers
+from emacm.evaluation.evaluate import Evaluation
 from emacm.evaluation.novelty import evaluate_unknown
-from emacm.evaluation.results import Evaluation
 from emacm.files.folder import RecordingFolder
 from emacm.findings.training_range import CONDITIONS
 from emacm.recordings.digests import digest_of_file

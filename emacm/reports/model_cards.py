@@ -14,7 +14,7 @@ import pandas as pd
 
 from emacm.displays.domain import DomainDisplay
 from emacm.displays.drawing import offscreen_panels
-from emacm.evaluation.results import as_texts
+from emacm.evaluation.evaluate import as_texts
 from emacm.models.evidence import evidence_table
 from emacm.models.model_files import model_description
 from emacm.reports.written_pages import encoded_svg, plain_page

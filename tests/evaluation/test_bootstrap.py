@@ -72,13 +72,6 @@ def test_draws_of_five_groups_have_percentiles_and_of_fewer_student_t(
     assert [narrow["x_low"], narrow["x_high"]] == pytest.approx(expected)
 
 
-def test_as_many_groups_are_drawn_as_there_are_with_equal_probability():
-    times = GroupBootstrap().times(4)
-    assert (times.sum(axis=1) == 4).all()
-    np.testing.assert_allclose(times.mean(axis=0), 1, atol=0.06)
-    np.testing.assert_allclose(times.var(axis=0), 3 / 4, atol=0.06)
-
-
 def test_the_same_groups_and_seed_give_paired_draws():
     first, second = np.random.default_rng(1).random((2, 60))
     tallies = {"a": rate(first), "b": rate(second), "difference": rate(first - second)}

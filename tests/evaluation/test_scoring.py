@@ -58,11 +58,6 @@ def test_a_healthy_recording_decided_unknown_is_an_inspection_and_a_faulty_one_i
     assert decided_unknown.to_dict() == {"dry": 0, "new": 1, "worn": 1}
 
 
-def test_an_unknown_state_with_the_label_of_a_class_is_refused():
-    with pytest.raises(ValueError, match="unknown = 'dry' is a class with recordings"):
-        scoring_rule(CLASSES, unknown="dry")
-
-
 def test_costs_between_families_may_have_an_unknown_state():
     rows, columns = ["new", "fault", "unknown"], [*CLASSES, "unknown"]
     cost = pd.DataFrame([[8, 0, 8, 9], [0, 3, 0, 1], [1, 2, 1, 0]], rows, columns)

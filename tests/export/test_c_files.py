@@ -212,8 +212,8 @@ REFUSED = {
     "LinearDiscriminantAnalysis": (OrderPSD(4), BINS, LinearDiscriminantAnalysis()),
     'detrend="linear" of OrderPSD': (OrderPSD(4, detrend="linear"), BINS, classifier(STATES)),
     "average='median' of OrderPSD": (OrderPSD(4, average="median"), BINS, classifier(STATES)),
-    "166 samples .* 164 or 168": (OrderPSD(n_per_segment=166), BINS, classifier(STATES)),
-    "207 samples .* 204 or 208": (OrderPSD(n_per_segment=207), BINS, classifier(STATES)),
+    "166 samples .* have 164": (OrderPSD(n_per_segment=166), BINS, classifier(STATES)),
+    "207 samples .* have 208": (OrderPSD(n_per_segment=207), BINS, classifier(STATES)),
 }
 
 

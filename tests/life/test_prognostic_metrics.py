@@ -21,12 +21,6 @@ def test_the_two_lives_of_bearing_1_4_give_different_scores():
     assert phm2012_score(official, files) == pytest.approx(10 / 11, abs=1e-6)
 
 
-def test_a_random_factor_scores_what_the_docstring_says():
-    rng = np.random.default_rng(3)
-    scores = [phm2012_score(np.ones(11), np.exp(0.5 * rng.standard_normal(11))) for _ in range(999)]
-    np.testing.assert_allclose(np.quantile(scores, [0.05, 0.95]), [0.13, 0.40], atol=0.02)
-
-
 def test_coverage_counts_units_and_not_readings():
     groups = np.repeat(["B", "A", "C"], [8, 1, 1])
     table = coverage_by_unit(np.zeros(10), np.r_[np.full(8, -1.0), 1, -1], np.full(10, 2), groups)

@@ -185,20 +185,6 @@ def test_limits_that_censored_units_do_not_support_are_infinite_and_stated():
     assert table["statement"].str.contains("do not support an upper limit").all()
 
 
-def test_intervals_narrow_as_damage_grows():
-    X, y, groups, _ = followed(range(30))
-    fitted = model("wiener").fit(X, y, groups=groups)
-    widths = {}
-    for unit in range(100, 110):
-        X, y, groups, _ = followed([unit])
-        table = fitted.predict_interval(X, groups)
-        width = (table["upper"] - table["lower"]).to_numpy()
-        for share in (0.2, 0.7, 0.95):
-            widths.setdefault(share, []).append(width[int(share * len(width))])
-    first, middle, last = (np.median(widths[share]) for share in (0.2, 0.7, 0.95))
-    assert last < 0.5 * middle < 0.5 * first
-
-
 def test_before_the_onset_the_life_of_the_population_is_given_and_stated():
     X, y, groups, _ = followed(range(30))
     fitted = model("weibull").fit(X, y, groups=groups)
