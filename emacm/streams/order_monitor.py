@@ -12,12 +12,11 @@ from numpy.typing import ArrayLike
 from sklearn.base import clone
 
 from emacm._checks import check_choice, check_number, check_real_array
-from emacm._saved import Resumable
+from emacm._saved import Resumable, packed, unpacked
 from emacm._version import __version__
 from emacm.recordings.arguments import check_durations, check_rates, check_shaft_rate
 from emacm.recordings.names import check_channel_names, chosen_channels
 from emacm.streams.intervals import IntervalCutter, Samples
-from emacm.streams.packed_state import packed, unpacked
 from emacm.streams.spectrum_stream import Settings, SpectrumStream
 from emacm.streams.streamed_models import Reading, ReadingAlarms, StreamedModel
 
