@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy.spatial.distance import pdist, squareform
 
+from emacm._checks import located
 from emacm._statements import warn
 from emacm.recordings.recording import Recording
 from emacm.shaft.angle import angle_from_position
@@ -89,11 +89,8 @@ def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
         raise FileNotFoundError(
             f"there is no file {path}. It is not part of emacm; see help(load_cranfield)."
         )
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: array for name, array in file.items()}
-    except (BadZipFile, EOFError, OSError, TypeError, ValueError) as error:
-        raise ValueError(f"{path.name} cannot be read as an .npz file: {error}") from error
+    with located(path.name), np.load(path, allow_pickle=False) as file:
+        arrays = dict(file.items())
     expected = (*_SIGNALS, *_LABELS, *_CONSTANTS)
     missing = [name for name in expected if name not in arrays]
     if missing:

@@ -56,7 +56,7 @@ def test_a_file_that_is_not_there_or_of_another_kind_is_named(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"no file .*not part of emacm"):
         load_cranfield(tmp_path / "nothing.npz")
     (tmp_path / "notes.npz").write_text("no arrays")
-    with pytest.raises(ValueError, match=r"notes\.npz .*npz file"):
+    with pytest.raises(ValueError, match=r"notes\.npz: "):
         load_cranfield(tmp_path / "notes.npz")
 
 
