@@ -46,15 +46,6 @@ def test_without_matplotlib_the_extra_is_named(monkeypatch, tmp_path, capsys):
     assert "pip install 'emacm[plot]'" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("jobs", ["0", "two"])
-def test_a_number_of_jobs_that_cannot_be_is_refused_at_once(jobs, tmp_path, capsys):
-    assert main(["demo", "--jobs", jobs, "--out", str(tmp_path / "out")]) == 2
-    assert f"a whole number of at least 1, or -1 for one per core, got '{jobs}'" in (
-        capsys.readouterr().err
-    )
-    assert not (tmp_path / "out").exists()
-
-
 def test_the_reproduction_receives_its_options(monkeypatch):
     received = []
     monkeypatch.setattr("sys.argv", ["emacm"])

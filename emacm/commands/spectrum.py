@@ -45,8 +45,6 @@ def run(options: argparse.Namespace) -> int:
         try:
             recordings[printable(path)] = _chosen(open_recording(path, layout), options.channel)
         except (ImportError, OSError, TypeError, ValueError) as error:
-            if len(paths) == 1:
-                raise
             print(f"emacm: WARNING: {printable(path)}: {error}", file=sys.stderr)
     if not recordings:
         raise ValueError("none of the files can be read.")
@@ -195,7 +193,7 @@ def _drawn(
     unit, over = first.units.get(channel, "unit"), "time" if options.over == "time" else "speed"
     marks: dict[str, Any] = {"fault_orders": fault_orders(*parts)} if parts else {}
     if options.order:
-        known = {"over": over, "polar": options.polar, "revolutions": revolutions}
+        known: dict[str, Any] = {"over": over, "revolutions": revolutions}
         figure = OrderTrackDisplay.from_recording(first, options.order, channel, **known).figure_
     elif options.map:
         figure, panels = offscreen_panels(2 if options.hz else 1, height=7.2 if options.hz else 4)
@@ -214,6 +212,6 @@ def _drawn(
         OrderSpectrumDisplay(orders, values, **lined, **marks).plot(ax=panels[0, 0])
         if options.hz:
             hertz.draw_spectra(recordings, channel, highest, panels[1, 0])
-    if options.map or (options.order and not options.polar):
+    if options.map or options.order:
         figure.suptitle(Path(next(iter(recordings))).name, fontsize=8)
     return figure

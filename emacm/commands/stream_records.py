@@ -104,7 +104,7 @@ class StreamRecords:
     def _record(self, found: Any, start: float, end: float, content: bytes) -> Record:
         options, now = self._options, pd.Timestamp.now("UTC")
         if self._has_dates or options.start:
-            origin = pd.Timestamp(0, tz="UTC") if self._has_dates else pd.Timestamp(options.start)
+            origin = pd.Timestamp(0 if self._has_dates else options.start)
             times = "file" if self._has_dates else "stated"
             began, ended = (origin + pd.Timedelta(seconds=time) for time in (start, end))
         else:
