@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import os
 import runpy
 import signal
@@ -15,7 +14,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from emacm._version import __version__
-from emacm.commands.parsers import add_jobs, add_parsers, adder
+from emacm.commands.parsers import add_parsers, adder
 
 _INTERRUPTED, _NO_READER = 130, 141  # exit codes, as of a shell
 
@@ -38,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = _parser()
     try:
         options = parser.parse_args(arguments)
-        with _signals_as_interruption(), _plain_warnings():
+        with _termination_as_interruption(), _plain_warnings():
             status = options.run(options) or 0
             sys.stdout.flush()
             return status
@@ -89,7 +88,6 @@ def _parser() -> argparse.ArgumentParser:
     demo.set_defaults(run=_run_demo)
     add, folder = adder(demo), "folder for the model and the picture (default: emacm_demo)"
     add("--out", Path, "DIR", folder, default=Path("emacm_demo"))
-    add_jobs(add, "tasks", default=2)
     reproduce = commands.add_parser(
         "reproduce",
         help="compute the published figures of the thesis again, and compare them",
@@ -103,11 +101,11 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run_demo(options: argparse.Namespace) -> None:
     from emacm import demo  # imported here, so that --help and --version answer at once
+    from emacm.displays.drawing import pyplot
 
-    if importlib.util.find_spec("matplotlib") is None:
-        raise ImportError("demo draws pictures: run pip install 'emacm[plot]' for matplotlib.")
+    pyplot()  # a missing matplotlib is stated before the search
     options.out.mkdir(parents=True, exist_ok=True)
-    demo.simulated_demo(options.out, n_jobs=options.jobs)
+    demo.simulated_demo(options.out)
 
 
 def _run_reproduce(options: argparse.Namespace) -> None:
@@ -121,21 +119,13 @@ def _run_reproduce(options: argparse.Namespace) -> None:
 
 
 @contextmanager
-def _signals_as_interruption() -> Iterator[None]:
-    """Raise KeyboardInterrupt at the first SIGINT or SIGTERM, and ignore the following ones."""
-    numbers = (signal.SIGINT, signal.SIGTERM)
-
-    def interrupt(number: int, frame: object) -> None:
-        for each in numbers:
-            signal.signal(each, signal.SIG_IGN)
-        raise KeyboardInterrupt
-
-    before = {number: signal.signal(number, interrupt) for number in numbers}
+def _termination_as_interruption() -> Iterator[None]:
+    """Raise KeyboardInterrupt at SIGTERM, as Python does at SIGINT."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        signal.signal(signal.SIGTERM, before)
 
 
 def _end_workers() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.signal import welch
 from sklearn.decomposition import PCA
-from sklearn.model_selection import GridSearchCV, GroupKFold, ParameterGrid
+from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
@@ -33,22 +32,21 @@ from emacm.simulation import simulate_fleet
 
 CHANNELS = {"current_a": "A", "accelerometer": "g"}
 STATES = ("healthy", "inner ring", "screw")
+PRIORS = {"healthy": 0.9, "inner ring": 0.05, "screw": 0.05}  # in service
 
 
-def simulated_demo(out: Path, *, n_jobs: int | None = None) -> None:
+def simulated_demo(out: Path) -> None:
     """Run the demonstration on simulated recordings of healthy actuators and two faults.
 
     Parameters
     ----------
     out : Path
         Folder for the model and the picture.
-    n_jobs : int, optional
-        Number of threads of the search.
     """
     print("24 simulated actuators: 8 healthy, 8 with a spalled ball screw, 8 with a spall of the")
     print("bearing's inner ring (severity 0.1 to 0.5); 4 runs of 6 s, speed varies and reverses.")
     recordings, states, units = simulate_fleet(8, 4, severity=(0.1, 0.5), seed=1)
-    model = _search(recordings, states, units, n_jobs)
+    model = _search(recordings, states, units)
 
     others, truths, _ = simulate_fleet(8, 3, severity=(0.1, 0.5), seed=1, first_unit=8)
     print("\nTest: 24 further actuators, 3 runs each. Rows are decisions, columns true states.")
@@ -85,33 +83,25 @@ def cost_matrix(missed: float) -> pd.DataFrame:
     return family_costs(states, other_decisions=others, healthy="healthy", missed_cost=missed)
 
 
-def priors() -> dict[str, float]:
-    """Return the probability of each state in service: nine of ten units are healthy."""
-    return {"healthy": 0.9, "inner ring": 0.05, "screw": 0.05}
-
-
 def print_decisions(
     truths: NDArray[np.str_], decisions: NDArray[np.str_], cost: pd.DataFrame
 ) -> None:
     """Print the table of decisions, and the mean cost beside that of the same decision for all."""
     table = pd.crosstab(decisions, truths).reindex(cost.index, columns=cost.columns, fill_value=0)
     print(f"\nA missed detection costs {cost.loc['healthy', 'screw']:g}:\n{table.to_string()}")
-    weights = pd.Series(truths).map(priors()) / pd.Series(truths).map(table.sum())
+    weights = pd.Series(truths).map(PRIORS) / pd.Series(truths).map(table.sum())
     everywhere = {f"always {name!r}": np.full_like(truths, name) for name in ("healthy", "inspect")}
     for name, made in ({"these": decisions} | everywhere).items():
         print(f"{name}: {expected_cost(truths, made, cost=cost, sample_weight=weights):.3f}")
 
 
-def _search(
-    recordings: list[Recording], states: NDArray[Any], units: NDArray[Any], n_jobs: int | None
-) -> Pipeline:
+def _search(recordings: list[Recording], states: NDArray[Any], units: NDArray[Any]) -> Pipeline:
     """Return the pipeline of least expected cost, fitted; spectra are estimated only once."""
     grid = {
         "orderresampler__theta_s": [2 * np.pi / 64, 2 * np.pi / 128],
         "orderpsd__revolutions": [4, 8],
         "bintransformer__bin_size": [0.5, 1.0, 2.0],
     }
-    print(f"search: {len(ParameterGrid(grid)) * 4} fits", file=sys.stderr, flush=True)
     with joblib.parallel_config("threading"):  # an interruption ends threads
         pipeline = make_pipeline(
             OrderResampler(channels=[*CHANNELS], min_speed=1.0),
@@ -122,14 +112,14 @@ def _search(
             PCA(2),
             CostSensitiveGaussianBayes(
                 cost_matrix(4.0),
-                priors=priors(),
+                priors=PRIORS,
                 shrinkage="oas",
                 unknown="unknown",
                 temperature="groups",
             ),
         )
-        scoring = {"scoring": neg_expected_cost, "error_score": "raise"}
-        search = GridSearchCV(pipeline, grid, cv=GroupKFold(4), n_jobs=n_jobs, **scoring)
+        options = {"scoring": neg_expected_cost, "error_score": "raise", "n_jobs": 2, "verbose": 1}
+        search = GridSearchCV(pipeline, grid, cv=GroupKFold(4), **options)
         left_out = {"bintransformer__groups": units, "costsensitivegaussianbayes__groups": units}
         search.fit(recordings, states, groups=units, **left_out)
     print(f"\nGridSearchCV, split by unit, best of {len(search.cv_results_['params'])} settings:")

@@ -245,7 +245,7 @@ def _train(command: Add) -> None:
     add("--note", str, "TEXT", "text that is stored in the model file")
     add("--intended-use", str, "TEXT", "what the model is for, for its model card")
     add("--limits", str, "TEXT", "what the model is not for, for its model card")
-    add_jobs(add, "folds")
+    _add_jobs(add, "folds")
 
 
 def _score(command: Add) -> None:
@@ -263,7 +263,7 @@ def _score(command: Add) -> None:
     add("--out", _writable, "FILE", table)
     add("--json", bool, None, "lines of JSON, not CSV, on standard output")
     add("--features", bool, None, "store features in the history, for train --like")
-    add_jobs(add, "files")
+    _add_jobs(add, "files")
     _add_costs(add)
     add("--fail-on", str, "STATE,...", "decisions that give exit status 1", default="")
     add("--watch", _above_zero, "SECONDS", "look for new files so often")
@@ -538,7 +538,7 @@ def _add_report_options(add: Add) -> None:
     _add_unit_and_time(add)
 
 
-def add_jobs(add: Add, what: str, default: int = 1) -> None:
+def _add_jobs(add: Add, what: str) -> None:
     """Add how many of something run in parallel."""
-    text = f"{what} in parallel; -1: one per core (default: {default})"
-    add("--jobs", int, "N", text, default=default)
+    text = f"{what} in parallel; -1: one per core (default: 1)"
+    add("--jobs", int, "N", text, default=1)
