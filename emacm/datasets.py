@@ -85,10 +85,6 @@ def load_cranfield(
 
 
 def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    if not path.is_file():
-        raise FileNotFoundError(
-            f"there is no file {path}. It is not part of emacm; see help(load_cranfield)."
-        )
     with located(path.name), np.load(path, allow_pickle=False) as file:
         arrays = dict(file.items())
     expected = (*_SIGNALS, *_LABELS, *_CONSTANTS)
@@ -108,16 +104,8 @@ def _without_copies(arrays: dict[str, NDArray[Any]], same: float = 1e-5) -> NDAr
     current, run = arrays["current"], arrays["run"]
     by_run = np.argsort(run, kind="stable")
     close = squareform(pdist(current[by_run], "chebyshev") <= same)
-    first, later = by_run[np.array(np.nonzero(np.triu(close)))]
+    later = np.unique(by_run[np.nonzero(np.triu(close))[1]])
     if len(later):
-        copies = {
-            f"{arrays['state'][j]} at {arrays['load_kgf'][j]} kgf, run {run[j]} = run {run[i]}"
-            for i, j in zip(first, later, strict=True)
-        }
-        warn(
-            "repeated recordings",
-            f"{len(set(later))} sequences are in the file twice and were left out: "
-            f"{'; '.join(sorted(copies))}.",
-            stacklevel=3,
-        )
+        text = f"{len(later)} sequences are in the file twice; those of the later runs are left out"
+        warn("repeated recordings", f"{text}: numbers {later.tolist()}.", stacklevel=3)
     return np.setdiff1d(np.arange(len(run)), later)
