@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import clone
 
-from emacm._checks import check_choice, check_number, check_real_array
+from emacm._checks import check_choice, check_number, check_signal
 from emacm._saved import Resumable, packed, unpacked
 from emacm._version import __version__
 from emacm.recordings.arguments import check_durations, check_rates, check_shaft_rate
@@ -106,14 +106,14 @@ class StreamInput(Resumable):
         streams = []
         for (rate, group), time in zip(self._settings.groups.items(), times, strict=False):
             names = [self._names[k] for k in group]
-            taken = [_samples(rows[name], f"channel {name!r}", rate, time) for name in names]
+            taken = [_samples(rows[name], f"channel {name!r}", time) for name in names]
             lengths = {name: len(row) for name, row in zip(names, taken, strict=True)}
             if len({*lengths.values()}) > 1:
                 raise ValueError(
                     f"channels of {rate:g} Hz must have equally many samples, got {lengths}."
                 )
             streams.append(np.array(taken))
-        motion = _samples(shaft, reference, self._settings.shaft_fs, times[-1])
+        motion = _samples(shaft, reference, times[-1])
         if reference == "velocity":
             self._check_speed(motion, times[-1])
         elif len(motion):
@@ -158,18 +158,12 @@ class StreamInput(Resumable):
         return measured + 2 * np.pi * turns
 
 
-def _samples(values: Any, name: str, fs: float, time: float) -> Samples:
+def _samples(values: Any, name: str, time: float) -> Samples:
     """Return finite samples, none or more, of a block that begins at `time`."""
-    samples = check_real_array(values, name).astype(np.float64, copy=False)
-    if samples.ndim != 1:
-        raise ValueError(f"{name} must be one-dimensional, got shape {samples.shape}.")
-    if not np.isfinite(samples).all():
-        place = int(np.isfinite(samples).argmin())
-        raise ValueError(
-            f"{name} is {samples[place]} at {time + place / fs:.6f} s, sample {place} of the "
-            f"block. {_ON}"
-        )
-    return samples
+    try:
+        return check_signal(values, name, min_length=0).astype(np.float64, copy=False)
+    except ValueError as error:
+        raise ValueError(f"block at {time:.6f} s: {error} {_ON}") from error
 
 
 UNITS = ("revolutions", "s")

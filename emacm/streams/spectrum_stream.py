@@ -193,7 +193,7 @@ class SpectrumStream(Resumable):
         Speeds, revolutions and levels; complete after `finish`.
     """
 
-    held = ("shaft", "signals", "quality", "_sums", "_counts", "_longest", "_due")
+    held = ("shaft", "signals", "quality", "_sums", "_counts", "_due")
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -203,7 +203,6 @@ class SpectrumStream(Resumable):
         shape = len(settings.names), len(settings.kinds)
         self._sums = np.zeros((*shape, settings.plan.n_orders))
         self._counts = np.zeros((*shape, 1))
-        self._longest = np.zeros(len(settings.kinds), int)  # outputs
         self.quality = StreamQuality(settings.names)
         self._due = settings.waiting  # samples at the fastest rate, at which some are processed
 
@@ -231,12 +230,9 @@ class SpectrumStream(Resumable):
         """
         self._process(ended=True)
         plan = self._settings.plan
-        for kind, longest in zip(self._settings.kinds, self._longest, strict=True):
-            if longest < plan.n_per_segment:
-                raise ValueError(
-                    f"no {kind} holds a segment of {plan.revolutions:g} revolutions; the longest "
-                    f"one has {longest / plan.samples_per_rev:.4g}."
-                )
+        for kind, count in zip(self._settings.kinds, self._counts[0], strict=True):
+            if count == 0:
+                raise ValueError(f"no {kind} holds a segment of {plan.revolutions:g} revolutions.")
         spectra = plan.spectrum_of(self._sums / self._counts, 1)
         return spectra if plan.by_direction else spectra[:, 0]
 
@@ -273,9 +269,7 @@ class SpectrumStream(Resumable):
         theta_s = settings.resampler.theta_s
         path = self.shaft.path(growing, settings.resampler.ratio)
         if complete:
-            kind, n_angles = self._kind(path), path.count(theta_s)
-            self._longest[kind] = max(self._longest[kind], n_angles)
-            if n_angles < settings.plan.n_per_segment:
+            if path.count(theta_s) < settings.plan.n_per_segment:
                 powers.clear()  # no segment lies in it
         elif path.n_times < 2:
             return
