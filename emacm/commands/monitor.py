@@ -428,7 +428,8 @@ class _Stream:
         text = " ".join(error.split())
         if n_skipped:
             text += f" The {n_skipped} rows after {ended:.9g} s are skipped."
-        records.append(self._records.of_error(text, ended, resumed, position.before))
+        skipped = {"error": text, "complete": False}
+        records.append(self._records.record(skipped, ended, resumed, position.before))
         self._save_and_write(records)
 
     def _records_of(self, readings: list[Reading]) -> list[Record]:

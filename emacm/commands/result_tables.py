@@ -22,13 +22,6 @@ from emacm.reports.inputs import as_cell, of_cell
 Row = dict[str, Any]
 
 
-def columns_of(model: Any, *, of_streams: bool = False) -> list[str]:
-    """Return the columns of a table: those of `score`, and the other fields of a record."""
-    first = score_columns(model)
-    left_out = () if of_streams else ("alarms", "stream_start", "stream_end")
-    return [*first, *(n for n in record_of({}) if n not in (*first, *left_out))]
-
-
 def print_json(table: pd.DataFrame, **others: Any) -> None:
     """Print the rows of a table as JSON; with others, an object that has them as "rows".
 
@@ -76,13 +69,12 @@ def result_table(
             "--features needs --out FILE.sqlite, and a pipeline that ends with the classifier."
         )
     if path is None:
-        return ResultTable(None, columns_of(model), as_json=as_json)
+        return ResultTable(None, model, as_json=as_json)
     if is_history(path):
         return HistoryTable(path, model_digest(model[:-1]) if with_features else None)
     if path.suffix not in (".csv", ".jsonl"):
         raise ValueError(f"{str(path)!r} must end with one of .csv, .jsonl, .sqlite.")
-    as_json = path.suffix == ".jsonl"
-    return ResultTable(path, columns_of(model, of_streams=as_json), as_json=as_json)
+    return ResultTable(path, model, as_json=path.suffix == ".jsonl")
 
 
 class ResultTable:
@@ -92,15 +84,19 @@ class ResultTable:
     ----------
     path : Path or None
         The file; None if rows are printed.
-    columns : sequence of str
-        Columns, in this order.
+    model : estimator
+        Fitted classifier, from which the columns follow: those of `score`, and the other fields of
+        a record.
     as_json : bool
-        Whether a row is a line of JSON, not of CSV.
+        Whether a row is a line of JSON, which is a record, or of CSV, without fields of streams.
     """
 
-    def __init__(self, path: Path | None, columns: Sequence[str], *, as_json: bool) -> None:
+    def __init__(self, path: Path | None, model: Any, *, as_json: bool) -> None:
         self.path = None if path is None else path.resolve()
-        self._columns, self._as_json = list(columns), as_json
+        self._as_json = as_json
+        first = score_columns(model)
+        left_out = () if as_json else ("alarms", "stream_start", "stream_end")
+        self._columns = [*first, *(n for n in record_of({}) if n not in (*first, *left_out))]
         if path is None:
             print(self._text([], heading=True), end="")
 

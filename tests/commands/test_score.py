@@ -134,7 +134,6 @@ def test_a_failed_file_is_status_3_and_the_table_is_complete(here, capsys):
         (["--out", "table.xlsx"], ["files"], "must end with one of .csv, .jsonl"),
         (["--priors", "ok"], ["files"], "--priors must be 'uniform' or as in"),
         (["--priors", "ok=0.5"], ["files"], "priors"),
-        (["--priors", "ok=0.5,ok=0.2,worn=0.3"], ["files"], "--priors must be"),
         (["--unit", "unt"], ["files"], "has no 'unt', only ["),
         (["--cost", "none.csv"], ["files"], "none.csv"),
         (["--features"], ["files"], "--features needs --out FILE.sqlite"),
