@@ -11,7 +11,6 @@ import joblib
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.signal import welch
 from sklearn.decomposition import PCA
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import Pipeline, make_pipeline
@@ -20,8 +19,8 @@ from sklearn.preprocessing import FunctionTransformer
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.families import family_costs
 from emacm.decisions.metrics import expected_cost, neg_expected_cost
-from emacm.displays import DecisionRegionsDisplay, OrderSpectrumDisplay
-from emacm.displays.drawing import PLAIN, decibels, offscreen_panels
+from emacm.displays import DecisionRegionsDisplay, OrderSpectrumDisplay, hertz
+from emacm.displays.drawing import offscreen_panels
 from emacm.models.model_files import load_model, save_model
 from emacm.models.scoring import score
 from emacm.orders.bin_transformer import BinTransformer
@@ -143,8 +142,8 @@ def draw_picture(
         entries |= DecisionRegionsDisplay.from_estimator(
             model[-1], plane, states, names=names, ax=ax
         ).entries_
-        ring = ax.scatter(*changed.T, s=90, facecolors="none", edgecolors="black", linewidths=1.4)
         ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        ring = ax.scatter(*changed.T, s=90, facecolors="none", edgecolors="black", linewidths=1.4)
         ax.set_title(f"a missed detection costs {missed:g}", fontsize=10)
         ax.get_legend().remove()
     entries["another decision at the other cost"] = (ring,)
@@ -157,13 +156,10 @@ def draw_picture(
 def _draw_spectra(axes: NDArray[np.object_], recording: Recording) -> None:
     """Draw the power spectral density of one current over frequency, and over orders."""
     state, ((fault, *_),) = recording.meta["label"], recording.meta["orders"].values()
-    current, fs = recording.signals["current_a"], recording.fs["current_a"]
-    hertz, psd = welch(current, fs, nperseg=int(fs))
+    hertz.draw_spectra({"": recording}, "current_a", 24, axes[0])
+    axes[0].set_ylabel("PSD of current_a\n[dB re 1 A²/Hz]")
     turned = OrderResampler(channels=["current_a"], min_speed=1.0).fit_transform([recording])
     table = OrderPSD(16, max_order=24).fit_transform(turned)
-    axes[0].plot(hertz, decibels(psd), color=PLAIN, linewidth=1)
-    axes[0].set(xlabel="frequency [Hz]", ylabel="PSD of current_a\n[dB re 1 A²/Hz]")
-    axes[0].set_xlim(0, 24 * 61)  # at the highest speed, 61 revolutions per second
     # Eq. (2.4): in the current, a fault modulates the supply at order 6.
     marks = {f"{state}-6": fault - 6, f"6+{state}": 6 + fault}
     style = {"unit": "A", "fault_orders": marks, "ax": axes[1]}
