@@ -16,8 +16,8 @@ from emacm._saved import Resumable, packed, unpacked
 from emacm._version import __version__
 from emacm.recordings.arguments import check_durations, check_rates, check_shaft_rate
 from emacm.recordings.names import check_channel_names, chosen_channels
-from emacm.streams.intervals import IntervalCutter, Samples
-from emacm.streams.spectrum_stream import Settings, SpectrumStream
+from emacm.streams.shaft_stream import Samples
+from emacm.streams.spectrum_stream import IntervalCutter, Settings, SpectrumStream
 from emacm.streams.streamed_models import Reading, ReadingAlarms, StreamedModel
 
 _ON = (
@@ -319,9 +319,13 @@ class OrderMonitor:
             If samples are invalid: not finite, faster than `max_speed`, or after a gap. The message
             states their time and how to continue; nothing of the block was taken.
         """
-        reference = "velocity" if angle is None else "angle"
-        self._check_reference(reference, velocity, angle)
-        shaft = velocity if angle is None else angle
+        if (velocity is None) == (angle is None):
+            raise ValueError("exactly one of velocity and angle must be given.")
+        reference, shaft = ("velocity", velocity) if angle is None else ("angle", angle)
+        if self._reference not in ("", reference):
+            raise ValueError(
+                f"the stream began with {self._reference}, got {reference}. Keep it, or flush()."
+            )
         if time is None and self._reference and self._input.collect(signals, shaft):
             return []
         self._take_collected()
@@ -478,14 +482,6 @@ class OrderMonitor:
                 f"at {self.time:.6g} s, {n_held} samples of a channel are held, as the last stroke "
                 f"may go on after a rest, or as a channel or the shaft lags behind. Call reset(), "
                 f"and set max_rest or min_speed of OrderResampler (model.set_params)."
-            )
-
-    def _check_reference(self, reference: str, velocity: Any, angle: Any) -> None:
-        if (velocity is None) == (angle is None):
-            raise ValueError("exactly one of velocity and angle must be given.")
-        if self._reference not in ("", reference):
-            raise ValueError(
-                f"the stream began with {self._reference}, got {reference}. Keep it, or flush()."
             )
 
     def _checked_time(self, time: float | None) -> float:
