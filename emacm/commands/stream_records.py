@@ -14,8 +14,7 @@ from typing import Any
 
 import pandas as pd
 
-from emacm.history.alarm_states import AlarmStates, reasons_of
-from emacm.history.false_alarms import AlarmSetting, alarm_setting
+from emacm.history.alarm_states import AlarmSetting, AlarmStates, alarm_setting, reasons_of
 from emacm.history.records import identity, record_of
 from emacm.history.sinks import sinks_of
 from emacm.history.sqlite_history import History

@@ -17,7 +17,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any, Protocol
+from typing import Any
 from urllib.parse import quote, urlsplit
 
 import pandas as pd
@@ -31,17 +31,7 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]|%(?=[0-9A-Fa-f]{2})")
 _FORMS = "FILE.sqlite, influx:FILE, influx:-, prometheus:FILE.prom, mqtt://[user@]host[:port]/topic"
 
 
-class Sink(Protocol):
-    """What records are written to."""
-
-    def write(self, record: Mapping[str, Any]) -> None:
-        """Write a record."""
-
-    def close(self) -> None:
-        """Write what is left, and close it."""
-
-
-def sinks_of(texts: Sequence[str]) -> list[Sink]:
+def sinks_of(texts: Sequence[str]) -> list[Any]:
     """Return the sinks of an option that may be repeated; first histories, to be closed last.
 
     Parameters
@@ -61,7 +51,7 @@ def sinks_of(texts: Sequence[str]) -> list[Sink]:
     return [*histories, *others]
 
 
-def sink_of(text: str, history: History | None = None) -> Sink:
+def sink_of(text: str, history: History | None = None) -> InfluxLines | PrometheusFile | MqttSink:
     """Return the sink that a text names.
 
     Parameters
@@ -75,7 +65,7 @@ def sink_of(text: str, history: History | None = None) -> Sink:
 
     Returns
     -------
-    Sink
+    InfluxLines, PrometheusFile or MqttSink
         With `write` of a record, and `close`.
 
     Raises
