@@ -23,20 +23,17 @@ def run(options: argparse.Namespace) -> int:
     int
         0; 3 if a file of a folder cannot be read.
     """
-    path, failed, table = options.file, False, None
+    path, failed, files = options.file, False, []
     if path.is_dir():
         paths = recording_files([path], None, options.pattern)
         table = files_table(paths)
-        if not options.json:
-            print(table.to_string(index=False), end="\n\n")
         is_read = table["duration [s]"] != ""
-        path, failed = paths[is_read.argmax()], not is_read.all()
+        path, failed, files = paths[is_read.argmax()], not is_read.all(), table.to_dict("records")
         if not options.json:
-            print(f"{printable(path)}:")
+            print(f"{table.to_string(index=False)}\n\n{printable(path)}:")
     with located(printable(path)):
         contents = contents_of(path)
     if options.json:
-        files = [] if table is None else table.to_dict("records")
         numbers = contents.columns.numbers
         others = {"file": printable(path), "numbers": numbers, "to_be_stated": contents.open}
         columns = contents_table(contents).rename_axis("column").reset_index()
