@@ -18,7 +18,6 @@ from emacm.machine.fault_orders import fault_orders
 from emacm.orders.columns import parse_order_columns
 from emacm.orders.order_psd import OrderPSD
 from emacm.orders.order_track import order_track
-from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.names import printable, unit_factor
 from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler
@@ -43,7 +42,11 @@ def run(options: argparse.Namespace) -> int:
     recordings: dict[str, Recording] = {}
     for path in paths:
         try:
-            recordings[printable(path)] = _chosen(open_recording(path, layout), options.channel)
+            recording = open_recording(path, layout)
+            if options.channel is not None:
+                recording = recording.select([options.channel])
+            recording.strokes()  # the file is read here
+            recordings[printable(path)] = recording
         except (ImportError, OSError, TypeError, ValueError) as error:
             print(f"emacm: WARNING: {printable(path)}: {error}", file=sys.stderr)
     if not recordings:
@@ -74,15 +77,6 @@ def run(options: argparse.Namespace) -> int:
         if path is not None:
             print(f"{name}: {printable(path)}", file=sys.stderr if options.json else sys.stdout)
     return FAILED if len(recordings) < len(paths) else 0
-
-
-def _chosen(recording: Recording, channel: str | None) -> Recording:
-    """Return a recording with one channel, or all; its file is read."""
-    if channel is not None:
-        check_channel_names(recording.channels, [channel])
-        recording = recording.select([channel])
-    recording.strokes()
-    return recording
 
 
 def _extent(options: argparse.Namespace, quality: pd.DataFrame) -> tuple[float, float]:
