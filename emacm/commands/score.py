@@ -136,7 +136,9 @@ class _Work:
                 if key not in self._done:
                     new.append((path, rows[-1]))
             self._decide(new)
-            self._report(len(rows), len(paths))
+            if time.monotonic() - self._reported > 5.0:  # seconds
+                self._reported = time.monotonic()
+                print(f"{len(rows)} of {len(paths)} files", file=sys.stderr)
         return rows
 
     def _decide(self, new: Sequence[tuple[Path, Row]]) -> None:
@@ -153,12 +155,6 @@ class _Work:
                 **self._same,
             )
             row.update(self._table.append(record, found.get("features")))
-
-    def _report(self, done: int, total: int) -> None:
-        """Report the progress, at most once in five seconds."""
-        if time.monotonic() - self._reported > 5.0:
-            self._reported = time.monotonic()
-            print(f"{done} of {total} files", file=sys.stderr)
 
 
 def _alarms(model: Any, text: str) -> set[str]:

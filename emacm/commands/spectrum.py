@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     recordings: dict[str, Recording] = {}
     for path in paths:
         try:
-            recording = open_recording(path, layout)
+            recording: Recording = open_recording(path, layout)
             if options.channel is not None:
                 recording = recording.select([options.channel])
             recording.strokes()  # the file is read here

@@ -8,7 +8,6 @@ from math import ceil, floor
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from emacm._saved import Resumable
 from emacm._statements import Statement
@@ -18,8 +17,6 @@ from emacm.resampling.order_resampler import OrderResampler
 from emacm.resampling.spreading import DESIGN, Spreading, upsampling
 from emacm.shaft.motion import DIRECTIONS, ShaftPath
 from emacm.streams.shaft_stream import GrowingStroke, HeldRows, HeldSeries, Samples, ShaftStream
-
-Array = NDArray[np.floating]
 
 
 class StreamQuality(Resumable):
@@ -319,7 +316,7 @@ class SpectrumStream(Resumable):
         """The samples of the channels, by group, and of the shaft reference."""
         return [*self.signals, self.shaft.measured]
 
-    def append(self, streams: Sequence[Array]) -> None:
+    def append(self, streams: Sequence[Samples]) -> None:
         """Add the next samples of the channels, by group, and of the shaft; process what is due."""
         for held, block in zip(self.inputs, streams, strict=True):
             held.append(block)
@@ -328,7 +325,7 @@ class SpectrumStream(Resumable):
             self._process(ended=False)
             self._due = n_times + self._settings.waiting
 
-    def finish(self) -> Array:
+    def finish(self) -> Samples:
         """End the recording, and return its spectra, shape (n_channels, [n_directions,] n_orders).
 
         Raises
