@@ -15,14 +15,6 @@ from emacm.__main__ import main
 ROOT = Path(__file__).parents[1]
 
 
-def test_a_missing_file_is_one_line_and_exit_code_2(tmp_path, capsys):
-    arguments = ["score", str(tmp_path / "none.emacm"), "x.npz", "--layout", "none.toml"]
-    assert main([*arguments, "--out", str(tmp_path / "table.csv")]) == 2
-    captured = capsys.readouterr()
-    assert captured.err.startswith("emacm: there is no file")
-    assert captured.err.count("\n") == 1
-
-
 @pytest.mark.parametrize(
     "arguments",
     [
