@@ -240,7 +240,7 @@ def _train(command: Add) -> None:
     baseline = "subtract healthy features of each unit or sensor: a field of the layout's meta"
     add("--baseline", str, "FIELD", baseline)
     add("--json", bool, None, "its model card as JSON on standard output")
-    _add_extent(add, "20")
+    _add_extent(add, "20, or more if new units are confused")
     _add_costs(add)
     add("--note", str, "TEXT", "text that is stored in the model file")
     add("--intended-use", str, "TEXT", "what the model is for, for its model card")

@@ -124,21 +124,25 @@ class _Work:
     def _rows(self, paths: Sequence[Path]) -> list[Row]:
         """Return the rows of files in order; those of new ones are written batch by batch.
 
-        A batch is small: little is lost by a kill.
+        A batch grows up to 32 files while one takes less than a second: little is lost by a kill.
         """
         rows: list[Row] = []
-        at_once = 8 * effective_n_jobs(self._options.jobs)
-        for first in range(0, len(paths), at_once):
-            new: list[tuple[Path, Row]] = []
-            for path in paths[first : first + at_once]:
-                key = printable(path), self._identity(path)
-                rows.append(self._done.get(key) or {"recording": key[0], "id": key[1]})
-                if key not in self._done:
-                    new.append((path, rows[-1]))
-            self._decide(new)
-            if time.monotonic() - self._reported > 5.0:  # seconds
-                self._reported = time.monotonic()
-                print(f"{len(rows)} of {len(paths)} files", file=sys.stderr)
+        new: list[tuple[Path, Row]] = []
+        at_once = effective_n_jobs(self._options.jobs)
+        for number, path in enumerate(paths, 1):
+            key = printable(path), self._identity(path)
+            rows.append(self._done.get(key) or {"recording": key[0], "id": key[1]})
+            if key not in self._done:
+                new.append((path, rows[-1]))
+            if len(new) >= at_once or number == len(paths):
+                started = time.monotonic()
+                self._decide(new)
+                if time.monotonic() - started < 1.0:
+                    at_once = max(at_once, min(2 * at_once, 32))
+                new = []
+                if time.monotonic() - self._reported > 5.0:  # seconds
+                    self._reported = time.monotonic()
+                    print(f"{number} of {len(paths)} files", file=sys.stderr)
         return rows
 
     def _decide(self, new: Sequence[tuple[Path, Row]]) -> None:

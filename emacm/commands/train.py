@@ -77,15 +77,25 @@ def _train(options: argparse.Namespace) -> None:
     healthy = healthy_label(labels, options.healthy, "--healthy")
     print(f"{len(labels)} recordings, {len(set(groups))} groups ({options.groups})")
     print(pd.Series(labels).value_counts().sort_index().to_string())
-    model, higher = (clone(old[-1]), None) if options.like else _recipe(X, options)
-    set_costs(model, options.cost, options.priors, labels)
-    if options.baseline is not None:
-        relative = FeatureBaseline(model[:-1], condition=options.baseline, healthy=healthy)
-        model = make_pipeline(relative, model[-1])
-    with parallel_config(n_jobs=options.jobs):
-        evaluation, model, features = evaluated_and_fitted(model, X, labels, groups, healthy)
-    if higher is not None and evaluation.table.loc["by unit", "realised_cost"] > 0:
-        print(f"Recordings of new units are confused: try --max-order {higher:g}.")
+    tried: list[tuple[float, Any]] = []  # realised cost on new units, and what was found
+    for model in [clone(old[-1])] if options.like else _recipes(X, options):
+        if not tried:  # a second recipe takes the classifier of the first one
+            set_costs(model, options.cost, options.priors, labels)
+        if options.baseline is not None:
+            relative = FeatureBaseline(model[:-1], condition=options.baseline, healthy=healthy)
+            model = make_pipeline(relative, model[-1])
+        with parallel_config(n_jobs=options.jobs):
+            found = evaluated_and_fitted(model, X, labels, groups, healthy)
+        tried.append((found[0].table.loc["by unit", "realised_cost"], found))
+        if tried[-1][0] == 0:
+            break
+    if len(tried) > 1:
+        costs = " and ".join(f"{cost:.3g}" for cost, _ in tried)
+        print(
+            f"Realised costs on new units: {costs}. The lower one is kept: it was chosen on these"
+        )
+        print("recordings, and may be higher on others. --max-order states one of them.")
+    _, (evaluation, model, features) = min(tried, key=lambda one: one[0])
     for caveat in evaluation.caveats:
         print(f"- {caveat}")
     _print_rates(final_estimator(model), evaluation, options.groups)
@@ -262,27 +272,37 @@ def extent(recordings: RecordingFolder, options: argparse.Namespace) -> tuple[fl
     return orders, length, supported
 
 
-def _recipe(
-    recordings: RecordingFolder, options: argparse.Namespace
-) -> tuple[Pipeline, float | None]:
-    """Return the unfitted pipeline of a recipe, and print up to which order it looks.
+def _recipes(recordings: RecordingFolder, options: argparse.Namespace) -> Iterator[Pipeline]:
+    """Yield the unfitted pipeline of a recipe, and print up to which order it looks.
 
-    The second is the highest order that the files support, if that is higher.
+    It is asked for a second one if recordings of new units are confused: if nothing states up to
+    which order, that looks as far as the files support.
     """
     common: dict[str, Any] = {"min_speed": options.min_speed}
     if options.features == "bands":
         print("bands: third octaves")
-        return spectrum_recipe("bands", **common), None
+        yield spectrum_recipe("bands", **common)
+        return
     max_order, revolutions, supported = extent(recordings, options)
     common |= {"revolutions": revolutions}
     segments = f"segments of {revolutions:g} revolutions"
     if options.recipe == "bearing":
         print(f"bearing: {segments}")
         common["classifier"] = recipe_classifier()
-        return bearing_recipe(parts_of_options(options), **common), None
-    higher = supported if max_order < supported else None
-    more = f" (the files support {supported:g})" if higher else ""
+        yield bearing_recipe(parts_of_options(options), **common)
+        return
+    more = f" (the files support {supported:g})" if max_order < supported else ""
     print(f"{options.recipe}: orders up to {max_order:g}{more}, {segments}")
+    is_stated = options.max_order is not None or bool(parts_of_options(options))
     if options.recipe == "actuator":
-        return actuator_recipe(max_order=max_order, **common), higher
-    return spectrum_recipe(options.features, max_order=max_order, **common), higher
+        first = actuator_recipe(max_order=max_order, **common)
+    else:
+        first = spectrum_recipe(options.features, max_order=max_order, **common)
+    yield first
+    wide = min(supported, 150.0)  # three harmonics of a mesh of 50 teeth
+    if options.recipe == "orders" and not is_stated and wide > 1.5 * max_order:
+        print(f"Recordings of new units are confused: orders up to {wide:g} are tried as well.")
+        second = spectrum_recipe(options.features, max_order=wide, **common)
+        yield make_pipeline(*second[:-1], clone(first[-1]))
+    elif more:
+        print(f"Recordings of new units are confused: try --max-order {supported:g}.")

@@ -202,6 +202,26 @@ def test_options_that_cannot_be_are_refused_without_reading_files(here, capsys, 
 
 
 @pytest.mark.slow
+def test_sidebands_of_a_mesh_above_order_20_are_learned_without_an_option(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    Path("files").mkdir()
+    angle = 2 * np.pi * 16 * np.arange(2 * N) / 2560
+    for number in range(16):
+        rng = np.random.default_rng(number)
+        depth = 0.5 if number % 2 else 0.02
+        mesh = (1 + depth * np.cos(0.7 * angle)) * np.cos(41.5 * angle)
+        wave = rng.uniform(0.8, 1.2) * mesh + np.cos(23 * angle) + 0.3 * rng.normal(size=2 * N)
+        np.savez(f"files/{number // 4}-{('gut', 'Ritzel')[number % 2]}-{number}.npz", x=wave)
+    meta = 'meta = "{unit}-{state}-{run:d}"\n'
+    Path("layout.toml").write_text(f'fs = 2560\nvelocity = "960 rpm"\n{meta}')
+    assert train("--healthy", "gut") == 0
+    assert re.search(r"on new units: 0\.\d+ and 0\.", capsys.readouterr().out)
+    assert load_model("model.emacm")[0].theta_s < np.pi / 42
+
+
+@pytest.mark.slow
 def test_a_channel_that_harms_is_named(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("files").mkdir()
