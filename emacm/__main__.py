@@ -37,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = _parser()
     try:
         options = parser.parse_args(arguments)
-        with _termination_as_interruption(), _plain_warnings():
+        with _as_a_command():
             status = options.run(options) or 0
             sys.stdout.flush()
             return status
@@ -55,14 +55,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 @contextmanager
-def _plain_warnings() -> Iterator[None]:
-    """Print warnings as the commands do, without lines of Python."""
-    usual = warnings.formatwarning
+def _as_a_command() -> Iterator[None]:
+    """Print warnings without lines of Python, and take SIGTERM as SIGINT: KeyboardInterrupt."""
+    usual, handler = warnings.formatwarning, signal.getsignal(signal.SIGTERM)
     warnings.formatwarning = lambda message, *_: f"emacm: WARNING: {message}\n"
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield
     finally:
         warnings.formatwarning = usual
+        signal.signal(signal.SIGTERM, handler)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -116,16 +118,6 @@ def _run_reproduce(options: argparse.Namespace) -> None:
         )
     sys.argv = [str(folder), *options.others]
     runpy.run_path(str(folder), run_name="__main__")
-
-
-@contextmanager
-def _termination_as_interruption() -> Iterator[None]:
-    """Raise KeyboardInterrupt at SIGTERM, as Python does at SIGINT."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _end_workers() -> None:

@@ -65,7 +65,13 @@ def load_cranfield(
        2035-2043, 2018, doi:10.1109/TIM.2018.2814067; recordings:
        doi:10.17862/cranfield.rd.5097649.
     """
-    arrays = _read_arrays(Path(path))
+    file = Path(path).name
+    with located(file), np.load(path, allow_pickle=False) as stored:
+        arrays = dict(stored.items())
+    expected = (*_SIGNALS, *_LABELS, *_CONSTANTS)
+    missing = [name for name in expected if name not in arrays]
+    if missing:
+        raise ValueError(f"{file} lacks {', '.join(missing)}; expected are {', '.join(expected)}.")
     kept = _without_copies(arrays)
     frame = pd.DataFrame({name.removesuffix("_kgf"): arrays[name][kept] for name in _LABELS})
     frame["state"] = frame["state"].astype(str)
@@ -82,18 +88,6 @@ def load_cranfield(
     ]
     labels = frame.pop("state").to_numpy(str)
     return recordings, labels, frame
-
-
-def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    with located(path.name), np.load(path, allow_pickle=False) as file:
-        arrays = dict(file.items())
-    expected = (*_SIGNALS, *_LABELS, *_CONSTANTS)
-    missing = [name for name in expected if name not in arrays]
-    if missing:
-        raise ValueError(
-            f"{path.name} lacks {', '.join(missing)}; expected are {', '.join(expected)}."
-        )
-    return arrays
 
 
 def _without_copies(arrays: dict[str, NDArray[Any]], same: float = 1e-5) -> NDArray[np.intp]:

@@ -18,7 +18,6 @@ from emacm.decisions.pipelines import final_estimator
 from emacm.history.records import identity
 
 Array = NDArray[np.floating]
-Reasons = dict[tuple[str, str], str]  # by channel and kind
 
 
 class Rule(NamedTuple):
@@ -43,7 +42,7 @@ def reasons_of(
     *,
     healthy: Collection[str],
     typicality: float = 0.0,
-) -> Reasons:
+) -> dict[tuple[str, str], str]:
     """Return what a record is a reason for an alarm for, in words.
 
     Parameters
@@ -69,7 +68,7 @@ def reasons_of(
     >>> reasons_of(record, [dead], healthy=["new"])
     {('', 'decision'): 'worn', ('current', 'input'): 'current: constant'}
     """
-    found: Reasons = {}
+    found: dict[tuple[str, str], str] = {}
     if record["error"]:
         found["", "error"] = record["error"]
     rare = record["typicality"] is not None and record["typicality"] <= typicality

@@ -95,8 +95,8 @@ class History:
                 quoted = ", ".join(f'"{column}"' for column in columns)  # END is a word of SQL
                 table = f"{name} ({quoted}, PRIMARY KEY ({key}))"
                 self._base.execute(f"CREATE TABLE IF NOT EXISTS {table}")
-            of_unit = 'records_of_unit ON records (unit, "end")'
-            self._base.execute(f"CREATE INDEX IF NOT EXISTS {of_unit}")
+            index = 'CREATE INDEX IF NOT EXISTS records_of_unit ON records (unit, "end")'
+            self._base.execute(index)
             if version < _VERSION:
                 self._base.execute(f"PRAGMA user_version = {_VERSION}")
         except (sqlite3.Error, ValueError) as error:

@@ -377,11 +377,10 @@ class SpectrumStream(Resumable):
         settings, powers, complete = self._settings, growing.powers, growing.complete
         theta_s = settings.resampler.theta_s
         path = self.shaft.path(growing, settings.resampler.ratio)
-        if complete:
-            if path.count(theta_s) < settings.plan.n_per_segment:
-                powers.clear()  # no segment lies in it
-        elif path.n_times < 2:
+        if not complete and path.n_times < 2:
             return
+        if complete and path.count(theta_s) < settings.plan.n_per_segment:
+            powers.clear()  # no segment lies in it
         if powers:
             _check_reversal(path)
         needed = [upsampling(fs, path.fastest, theta_s) for fs in settings.groups]
@@ -399,15 +398,12 @@ class SpectrumStream(Resumable):
         if complete:
             self._take_up(growing, path)
 
-    def _kind(self, path: ShaftPath) -> int:
-        """Return the place of a stroke among those whose spectra are separate."""
-        return int(self._settings.plan.by_direction and path.direction < 0)
-
     def _take_up(self, growing: GrowingStroke, path: ShaftPath) -> None:
         """Add the powers and the speeds of a stroke that is complete."""
         settings, groups = self._settings, list(self._settings.groups.values())
+        kind = int(settings.plan.by_direction and path.direction < 0)
         for powers in growing.powers.values():
-            place = groups[powers.group], self._kind(path)
+            place = groups[powers.group], kind
             self._sums[place] += powers.total
             self._counts[place] += powers.count
         growing.powers.clear()
