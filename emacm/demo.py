@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import joblib
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -100,25 +101,26 @@ def _search(recordings: list[Recording], states: NDArray[Any], units: NDArray[An
         "orderpsd__revolutions": [4, 8],
         "bintransformer__bin_size": [0.5, 1.0, 2.0],
     }
-    pipeline = make_pipeline(
-        OrderResampler(channels=[*CHANNELS], min_speed=1.0),
-        OrderPSD(max_order=24),
-        # Unbalance, supply and cogging are not faults, but have most of the variance.
-        BinTransformer(max_order=24, stop_bands=((0, 2.5), (5.5, 6.5), (11.5, 12.5))),
-        FunctionTransformer(np.log10, feature_names_out="one-to-one"),
-        PCA(2),
-        CostSensitiveGaussianBayes(
-            cost_matrix(4.0),
-            priors=PRIORS,
-            shrinkage="oas",
-            unknown="unknown",
-            temperature="groups",
-        ),
-    )
-    options = {"scoring": neg_expected_cost, "error_score": "raise", "verbose": 1}
-    search = GridSearchCV(pipeline, grid, cv=GroupKFold(4), **options)
-    left_out = {"bintransformer__groups": units, "costsensitivegaussianbayes__groups": units}
-    search.fit(recordings, states, groups=units, **left_out)
+    with joblib.parallel_config("threading"):  # an interruption ends threads
+        pipeline = make_pipeline(
+            OrderResampler(channels=[*CHANNELS], min_speed=1.0),
+            OrderPSD(max_order=24),
+            # Unbalance, supply and cogging are not faults, but have most of the variance.
+            BinTransformer(max_order=24, stop_bands=((0, 2.5), (5.5, 6.5), (11.5, 12.5))),
+            FunctionTransformer(np.log10, feature_names_out="one-to-one"),
+            PCA(2),
+            CostSensitiveGaussianBayes(
+                cost_matrix(4.0),
+                priors=PRIORS,
+                shrinkage="oas",
+                unknown="unknown",
+                temperature="groups",
+            ),
+        )
+        options = {"scoring": neg_expected_cost, "error_score": "raise", "n_jobs": 2, "verbose": 1}
+        search = GridSearchCV(pipeline, grid, cv=GroupKFold(4), **options)
+        left_out = {"bintransformer__groups": units, "costsensitivegaussianbayes__groups": units}
+        search.fit(recordings, states, groups=units, **left_out)
     print(f"\nGridSearchCV, split by unit, best of {len(search.cv_results_['params'])} settings:")
     print(f"{search.best_params_}; mean cost of the folds left out: {0 - search.best_score_:.3f}")
     return search.best_estimator_
