@@ -44,8 +44,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
 from emacm import BinTransformer, CostSensitiveGaussianBayes, OrderPSD, OrderResampler
-from emacm.history.alarm_states import AlarmStates, reasons_of
-from emacm.history.false_alarms import AlarmSetting, alarm_setting
+from emacm.history.alarm_states import AlarmSetting, AlarmStates, alarm_setting, reasons_of
 from emacm.history.records import record_of, utc
 from emacm.history.sqlite_history import History
 from emacm.simulation.fleet import UnitLife, WearLaw

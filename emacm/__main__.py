@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import os
 import runpy
 import signal
@@ -15,7 +14,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from emacm._version import __version__
-from emacm.commands.parsers import add_jobs, add_parsers, adder
+from emacm.commands.parsers import add_parsers, adder
 
 _INTERRUPTED, _NO_READER = 130, 141  # exit codes, as of a shell
 
@@ -37,12 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     parser = _parser()
     try:
-        options, others = parser.parse_known_args(arguments)
-        if options.command == "reproduce":
-            options.others = others
-        elif others:
-            parser.error(f"unrecognized arguments: {' '.join(others)}")
-        with _signals_as_interruption(), _plain_warnings():
+        options = parser.parse_args(arguments)
+        with _as_a_command():
             status = options.run(options) or 0
             sys.stdout.flush()
             return status
@@ -50,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what is left at exit
         return _NO_READER
     except (ImportError, OSError, TypeError, ValueError) as error:
-        print(f"emacm: {_stated(error)}", file=sys.stderr)
+        print(f"emacm: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         _end_workers()
@@ -60,21 +55,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 @contextmanager
-def _plain_warnings() -> Iterator[None]:
-    """Print warnings as the commands do, without lines of Python."""
-    usual = warnings.formatwarning
+def _as_a_command() -> Iterator[None]:
+    """Print warnings without lines of Python, and take SIGTERM as SIGINT: KeyboardInterrupt."""
+    usual, handler = warnings.formatwarning, signal.getsignal(signal.SIGTERM)
     warnings.formatwarning = lambda message, *_: f"emacm: WARNING: {message}\n"
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield
     finally:
         warnings.formatwarning = usual
-
-
-def _stated(error: Exception) -> str:
-    """Return the message of an error; that of the operating system in words."""
-    if isinstance(error, FileNotFoundError) and error.filename is not None:
-        return f"there is no file {str(error.filename)!r}."
-    return str(error)
+        signal.signal(signal.SIGTERM, handler)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -100,22 +90,24 @@ def _parser() -> argparse.ArgumentParser:
     demo.set_defaults(run=_run_demo)
     add, folder = adder(demo), "folder for the model and the picture (default: emacm_demo)"
     add("--out", Path, "DIR", folder, default=Path("emacm_demo"))
-    add_jobs(add, "tasks", default=2)
-    commands.add_parser(
+    reproduce = commands.add_parser(
         "reproduce",
         help="compute the published figures of the thesis again, and compare them",
-        add_help=False,  # all options are those of benchmarks/thesis
-    ).set_defaults(run=_run_reproduce)
+        add_help=False,
+        prefix_chars=" ",  # nothing is an option here: benchmarks/thesis has its own
+    )
+    reproduce.add_argument("others", nargs="*")
+    reproduce.set_defaults(run=_run_reproduce)
     return parser
 
 
 def _run_demo(options: argparse.Namespace) -> None:
     from emacm import demo  # imported here, so that --help and --version answer at once
+    from emacm.displays.drawing import pyplot
 
-    if importlib.util.find_spec("matplotlib") is None:
-        raise ImportError("demo draws pictures: run pip install 'emacm[plot]' for matplotlib.")
+    pyplot()  # a missing matplotlib is stated before the search
     options.out.mkdir(parents=True, exist_ok=True)
-    demo.simulated_demo(options.out, n_jobs=options.jobs)
+    demo.simulated_demo(options.out)
 
 
 def _run_reproduce(options: argparse.Namespace) -> None:
@@ -126,24 +118,6 @@ def _run_reproduce(options: argparse.Namespace) -> None:
         )
     sys.argv = [str(folder), *options.others]
     runpy.run_path(str(folder), run_name="__main__")
-
-
-@contextmanager
-def _signals_as_interruption() -> Iterator[None]:
-    """Raise KeyboardInterrupt at the first SIGINT or SIGTERM, and ignore the following ones."""
-    numbers = (signal.SIGINT, signal.SIGTERM)
-
-    def interrupt(number: int, frame: object) -> None:
-        for each in numbers:
-            signal.signal(each, signal.SIG_IGN)
-        raise KeyboardInterrupt
-
-    before = {number: signal.signal(number, interrupt) for number in numbers}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _end_workers() -> None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy.spatial.distance import pdist, squareform
 
+from emacm._checks import located
 from emacm._statements import warn
 from emacm.recordings.recording import Recording
 from emacm.shaft.angle import angle_from_position
@@ -65,7 +65,13 @@ def load_cranfield(
        2035-2043, 2018, doi:10.1109/TIM.2018.2814067; recordings:
        doi:10.17862/cranfield.rd.5097649.
     """
-    arrays = _read_arrays(Path(path))
+    file = Path(path).name
+    with located(file), np.load(path, allow_pickle=False) as stored:
+        arrays = dict(stored.items())
+    expected = (*_SIGNALS, *_LABELS, *_CONSTANTS)
+    missing = [name for name in expected if name not in arrays]
+    if missing:
+        raise ValueError(f"{file} lacks {', '.join(missing)}; expected are {', '.join(expected)}.")
     kept = _without_copies(arrays)
     frame = pd.DataFrame({name.removesuffix("_kgf"): arrays[name][kept] for name in _LABELS})
     frame["state"] = frame["state"].astype(str)
@@ -84,25 +90,6 @@ def load_cranfield(
     return recordings, labels, frame
 
 
-def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    if not path.is_file():
-        raise FileNotFoundError(
-            f"there is no file {path}. It is not part of emacm; see help(load_cranfield)."
-        )
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: array for name, array in file.items()}
-    except (BadZipFile, EOFError, OSError, TypeError, ValueError) as error:
-        raise ValueError(f"{path.name} cannot be read as an .npz file: {error}") from error
-    expected = (*_SIGNALS, *_LABELS, *_CONSTANTS)
-    missing = [name for name in expected if name not in arrays]
-    if missing:
-        raise ValueError(
-            f"{path.name} lacks {', '.join(missing)}; expected are {', '.join(expected)}."
-        )
-    return arrays
-
-
 def _without_copies(arrays: dict[str, NDArray[Any]], same: float = 1e-5) -> NDArray[np.intp]:
     """Return the sequences to keep; of two equal ones, that of the earlier run.
 
@@ -111,16 +98,8 @@ def _without_copies(arrays: dict[str, NDArray[Any]], same: float = 1e-5) -> NDAr
     current, run = arrays["current"], arrays["run"]
     by_run = np.argsort(run, kind="stable")
     close = squareform(pdist(current[by_run], "chebyshev") <= same)
-    first, later = by_run[np.array(np.nonzero(np.triu(close)))]
+    later = np.unique(by_run[np.nonzero(np.triu(close))[1]])
     if len(later):
-        copies = {
-            f"{arrays['state'][j]} at {arrays['load_kgf'][j]} kgf, run {run[j]} = run {run[i]}"
-            for i, j in zip(first, later, strict=True)
-        }
-        warn(
-            "repeated recordings",
-            f"{len(set(later))} sequences are in the file twice and were left out: "
-            f"{'; '.join(sorted(copies))}.",
-            stacklevel=3,
-        )
+        text = f"{len(later)} sequences are in the file twice; those of the later runs are left out"
+        warn("repeated recordings", f"{text}: numbers {later.tolist()}.", stacklevel=3)
     return np.setdiff1d(np.arange(len(run)), later)

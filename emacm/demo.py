@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,9 +11,8 @@ import joblib
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.signal import welch
 from sklearn.decomposition import PCA
-from sklearn.model_selection import GridSearchCV, GroupKFold, ParameterGrid
+from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
@@ -22,7 +20,8 @@ from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.families import family_costs
 from emacm.decisions.metrics import expected_cost, neg_expected_cost
 from emacm.displays import DecisionRegionsDisplay, OrderSpectrumDisplay
-from emacm.displays.drawing import PLAIN, decibels, offscreen_panels
+from emacm.displays.drawing import offscreen_panels
+from emacm.displays.recording import draw_spectra_in_hertz
 from emacm.models.model_files import load_model, save_model
 from emacm.models.scoring import score
 from emacm.orders.bin_transformer import BinTransformer
@@ -33,22 +32,21 @@ from emacm.simulation import simulate_fleet
 
 CHANNELS = {"current_a": "A", "accelerometer": "g"}
 STATES = ("healthy", "inner ring", "screw")
+PRIORS = {"healthy": 0.9, "inner ring": 0.05, "screw": 0.05}  # in service
 
 
-def simulated_demo(out: Path, *, n_jobs: int | None = None) -> None:
+def simulated_demo(out: Path) -> None:
     """Run the demonstration on simulated recordings of healthy actuators and two faults.
 
     Parameters
     ----------
     out : Path
         Folder for the model and the picture.
-    n_jobs : int, optional
-        Number of threads of the search.
     """
     print("24 simulated actuators: 8 healthy, 8 with a spalled ball screw, 8 with a spall of the")
     print("bearing's inner ring (severity 0.1 to 0.5); 4 runs of 6 s, speed varies and reverses.")
     recordings, states, units = simulate_fleet(8, 4, severity=(0.1, 0.5), seed=1)
-    model = _search(recordings, states, units, n_jobs)
+    model = _search(recordings, states, units)
 
     others, truths, _ = simulate_fleet(8, 3, severity=(0.1, 0.5), seed=1, first_unit=8)
     print("\nTest: 24 further actuators, 3 runs each. Rows are decisions, columns true states.")
@@ -85,33 +83,25 @@ def cost_matrix(missed: float) -> pd.DataFrame:
     return family_costs(states, other_decisions=others, healthy="healthy", missed_cost=missed)
 
 
-def priors() -> dict[str, float]:
-    """Return the probability of each state in service: nine of ten units are healthy."""
-    return {"healthy": 0.9, "inner ring": 0.05, "screw": 0.05}
-
-
 def print_decisions(
     truths: NDArray[np.str_], decisions: NDArray[np.str_], cost: pd.DataFrame
 ) -> None:
     """Print the table of decisions, and the mean cost beside that of the same decision for all."""
     table = pd.crosstab(decisions, truths).reindex(cost.index, columns=cost.columns, fill_value=0)
     print(f"\nA missed detection costs {cost.loc['healthy', 'screw']:g}:\n{table.to_string()}")
-    weights = pd.Series(truths).map(priors()) / pd.Series(truths).map(table.sum())
+    weights = pd.Series(truths).map(PRIORS) / pd.Series(truths).map(table.sum())
     everywhere = {f"always {name!r}": np.full_like(truths, name) for name in ("healthy", "inspect")}
     for name, made in ({"these": decisions} | everywhere).items():
         print(f"{name}: {expected_cost(truths, made, cost=cost, sample_weight=weights):.3f}")
 
 
-def _search(
-    recordings: list[Recording], states: NDArray[Any], units: NDArray[Any], n_jobs: int | None
-) -> Pipeline:
+def _search(recordings: list[Recording], states: NDArray[Any], units: NDArray[Any]) -> Pipeline:
     """Return the pipeline of least expected cost, fitted; spectra are estimated only once."""
     grid = {
         "orderresampler__theta_s": [2 * np.pi / 64, 2 * np.pi / 128],
         "orderpsd__revolutions": [4, 8],
         "bintransformer__bin_size": [0.5, 1.0, 2.0],
     }
-    print(f"search: {len(ParameterGrid(grid)) * 4} fits", file=sys.stderr, flush=True)
     with joblib.parallel_config("threading"):  # an interruption ends threads
         pipeline = make_pipeline(
             OrderResampler(channels=[*CHANNELS], min_speed=1.0),
@@ -122,14 +112,14 @@ def _search(
             PCA(2),
             CostSensitiveGaussianBayes(
                 cost_matrix(4.0),
-                priors=priors(),
+                priors=PRIORS,
                 shrinkage="oas",
                 unknown="unknown",
                 temperature="groups",
             ),
         )
-        scoring = {"scoring": neg_expected_cost, "error_score": "raise"}
-        search = GridSearchCV(pipeline, grid, cv=GroupKFold(4), n_jobs=n_jobs, **scoring)
+        options = {"scoring": neg_expected_cost, "error_score": "raise", "n_jobs": 2, "verbose": 1}
+        search = GridSearchCV(pipeline, grid, cv=GroupKFold(4), **options)
         left_out = {"bintransformer__groups": units, "costsensitivegaussianbayes__groups": units}
         search.fit(recordings, states, groups=units, **left_out)
     print(f"\nGridSearchCV, split by unit, best of {len(search.cv_results_['params'])} settings:")
@@ -153,8 +143,8 @@ def draw_picture(
         entries |= DecisionRegionsDisplay.from_estimator(
             model[-1], plane, states, names=names, ax=ax
         ).entries_
-        ring = ax.scatter(*changed.T, s=90, facecolors="none", edgecolors="black", linewidths=1.4)
         ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        ring = ax.scatter(*changed.T, s=90, facecolors="none", edgecolors="black", linewidths=1.4)
         ax.set_title(f"a missed detection costs {missed:g}", fontsize=10)
         ax.get_legend().remove()
     entries["another decision at the other cost"] = (ring,)
@@ -167,19 +157,14 @@ def draw_picture(
 def _draw_spectra(axes: NDArray[np.object_], recording: Recording) -> None:
     """Draw the power spectral density of one current over frequency, and over orders."""
     state, ((fault, *_),) = recording.meta["label"], recording.meta["orders"].values()
-    current, fs = recording.signals["current_a"], recording.fs["current_a"]
-    hertz, psd = welch(current, fs, nperseg=int(fs))
+    draw_spectra_in_hertz({"": recording}, "current_a", 24, axes[0])
+    axes[0].set_ylabel("PSD of current_a\n[dB re 1 A²/Hz]")
     turned = OrderResampler(channels=["current_a"], min_speed=1.0).fit_transform([recording])
     table = OrderPSD(16, max_order=24).fit_transform(turned)
-    axes[0].plot(hertz, decibels(psd), color=PLAIN, linewidth=1)
-    axes[0].set(xlabel="frequency [Hz]", ylabel="PSD of current_a\n[dB re 1 A²/Hz]")
-    axes[0].set_xlim(0, 24 * 61)  # at the highest speed, 61 revolutions per second
     # Eq. (2.4): in the current, a fault modulates the supply at order 6.
     marks = {f"{state}-6": fault - 6, f"6+{state}": 6 + fault}
     style = {"unit": "A", "fault_orders": marks, "ax": axes[1]}
     OrderSpectrumDisplay.from_table(table, "current_a", **style)
     axes[1].get_legend().remove()
-    for ax, title in zip(
-        axes, ("one recording in Hz: smeared", "the same over orders: sharp"), strict=True
-    ):
-        ax.set_title(title, fontsize=10, pad=20)
+    axes[0].set_title("one recording in Hz: smeared", fontsize=10, pad=20)
+    axes[1].set_title("the same over orders: sharp", fontsize=10, pad=20)

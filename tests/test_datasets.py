@@ -46,17 +46,17 @@ def test_of_two_copies_that_of_the_later_run_is_left_out(tmp_path):
     arrays = sequences()
     arrays["current"][0] = arrays["current"][4]
     arrays["run"][[0, 4]] = [7, 2]
-    with pytest.warns(UserWarning, match=r"1 sequences .* normal at 20 kgf, run 7 = run 2"):
+    with pytest.warns(UserWarning, match=r"1 sequences .* later runs .*\[0\]"):
         recordings, _, frame = load_cranfield(written(tmp_path, arrays))
     assert len(recordings) == 5
     assert 0 not in set(frame["group"])
 
 
 def test_a_file_that_is_not_there_or_of_another_kind_is_named(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"no file .*not part of emacm"):
+    with pytest.raises(FileNotFoundError, match=r"nothing\.npz"):
         load_cranfield(tmp_path / "nothing.npz")
     (tmp_path / "notes.npz").write_text("no arrays")
-    with pytest.raises(ValueError, match=r"notes\.npz .*npz file"):
+    with pytest.raises(ValueError, match=r"notes\.npz: "):
         load_cranfield(tmp_path / "notes.npz")
 
 

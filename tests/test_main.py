@@ -15,14 +15,6 @@ from emacm.__main__ import main
 ROOT = Path(__file__).parents[1]
 
 
-def test_a_missing_file_is_one_line_and_exit_code_2(tmp_path, capsys):
-    arguments = ["score", str(tmp_path / "none.emacm"), "x.npz", "--layout", "none.toml"]
-    assert main([*arguments, "--out", str(tmp_path / "table.csv")]) == 2
-    captured = capsys.readouterr()
-    assert captured.err.startswith("emacm: there is no file")
-    assert captured.err.count("\n") == 1
-
-
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -41,18 +33,9 @@ def test_invalid_arguments_are_found_before_libraries_are_imported(arguments):
 
 
 def test_without_matplotlib_the_extra_is_named(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert main(["demo", "--out", str(tmp_path)]) == 2
-    assert "pip install 'emacm[plot]'" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("jobs", ["0", "two"])
-def test_a_number_of_jobs_that_cannot_be_is_refused_at_once(jobs, tmp_path, capsys):
-    assert main(["demo", "--jobs", jobs, "--out", str(tmp_path / "out")]) == 2
-    assert f"a whole number of at least 1, or -1 for one per core, got '{jobs}'" in (
-        capsys.readouterr().err
-    )
-    assert not (tmp_path / "out").exists()
+    assert "install emacm[plot]" in capsys.readouterr().err
 
 
 def test_the_reproduction_receives_its_options(monkeypatch):
@@ -102,8 +85,8 @@ from joblib import Parallel, delayed
 from emacm import demo
 from emacm.__main__ import main
 task = delayed(exec)("import time; print('busy', flush=True); time.sleep(60)")
-demo.simulated_demo = lambda out, n_jobs: Parallel(n_jobs)(9 * [task])  # its search begins later
-raise SystemExit(main(["demo", "--jobs", "2", "--out", sys.argv[1]]))
+demo.simulated_demo = lambda out: Parallel(2)(9 * [task])  # its search begins later
+raise SystemExit(main(["demo", "--out", sys.argv[1]]))
 """
 
 

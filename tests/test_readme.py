@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.io import savemat
 
 from emacm import load_model, outside_training
 from emacm.__main__ import main
@@ -54,19 +53,6 @@ def test_a_file_of_ones_own_leads_to_its_order_spectrum(run_csv, tmp_path, capsy
     printed = capsys.readouterr().out
     for word in ("revolutions", "strokes", "max_order", "warnings"):
         assert word in printed
-
-
-def test_a_damaged_bearing_in_a_mat_file_is_named(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    rng, fs, speed = np.random.default_rng(0), 12_000, 1797 / 60
-    struck = np.zeros(8 * fs)
-    times = np.cumsum((1 + 0.01 * rng.standard_normal(1290)) / (5.4152 * speed))  # slip varies
-    struck[(times * fs).astype(int)] = 2.0
-    ringing = np.exp(-np.arange(60) / 10) * np.sin(0.6 * np.pi * np.arange(60))
-    signal = np.convolve(struck, ringing)[: 8 * fs] + 0.3 * rng.standard_normal(8 * fs)
-    savemat("bearing.mat", {"X105_DE_time": signal[:, np.newaxis], "X105_FE_time": signal[::-1]})
-    names_after(code_blocks("python")[3])
-    assert capsys.readouterr().out.startswith("BPFI ")
 
 
 @pytest.mark.slow

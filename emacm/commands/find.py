@@ -66,8 +66,7 @@ def run(options: argparse.Namespace) -> int:
         save_table(table, options.out)
         print(f"Table: {printable(options.out)}", file=to)
     if options.plot is not None:
-        where = f" in {printable(options.plot)}" if n_drawn else ", as nothing is found"
-        print(f"Pictures: {n_drawn}{where}", file=to)
+        print(f"Pictures: {n_drawn} in {printable(options.plot)}", file=to)
     if options.json:
         print_json(table)
     is_missing = table["named"].isin(["not assessed", "failed"])

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from emacm._checks import located
-from emacm._saved import locked, write_whole
+from emacm._saved import locked, packed, unpacked, write_whole
 from emacm._statements import warn
 from emacm.commands.stream_records import Record, StreamRecords
 from emacm.files.column_roles import recording_arguments, start_of, time_of_sample
@@ -34,7 +34,6 @@ from emacm.history.records import record_of
 from emacm.models.model_files import load_model
 from emacm.models.scoring import scored_rows
 from emacm.streams.order_monitor import OrderMonitor
-from emacm.streams.packed_state import packed, unpacked
 from emacm.streams.streamed_models import Reading
 
 FAILED = 3  # exit status: rows were skipped
@@ -312,11 +311,16 @@ class _Stream:
         self._fs = max(rates.values())
         if layout.fs is None:
             self._layout = replace(layout, fs=self._fs)
-        names = ("max_speed", "every", "unit", "wrapped")
-        stated = {name: getattr(options, name) for name in names}
-        stated["wrapped"] |= _is_wrapped(layout)
-        stated |= {"fs": rates, "shaft_fs": arguments["shaft_fs"], "channels": list(rates)}
-        self._monitor = OrderMonitor(model, **stated)
+        self._monitor = OrderMonitor(
+            model,
+            fs=rates,
+            channels=list(rates),
+            max_speed=options.max_speed,
+            shaft_fs=arguments["shaft_fs"],
+            every=options.every,
+            unit=options.unit,
+            wrapped=_is_wrapped(layout),
+        )
         has_dates = start_of(content, layout) is not None
         self._records = StreamRecords(model, has_dates, options)
         kept = (options, self._fs, model, layout)
@@ -424,7 +428,8 @@ class _Stream:
         text = " ".join(error.split())
         if n_skipped:
             text += f" The {n_skipped} rows after {ended:.9g} s are skipped."
-        records.append(self._records.of_error(text, ended, resumed, position.before))
+        skipped = {"error": text, "complete": False}
+        records.append(self._records.record(skipped, ended, resumed, position.before))
         self._save_and_write(records)
 
     def _records_of(self, readings: list[Reading]) -> list[Record]:

@@ -22,13 +22,6 @@ from emacm.reports.inputs import as_cell, of_cell
 Row = dict[str, Any]
 
 
-def columns_of(model: Any, *, of_streams: bool = False) -> list[str]:
-    """Return the columns of a table: those of `score`, and the other fields of a record."""
-    first = score_columns(model)
-    left_out = () if of_streams else ("alarms", "stream_start", "stream_end")
-    return [*first, *(n for n in record_of({}) if n not in (*first, *left_out))]
-
-
 def print_json(table: pd.DataFrame, **others: Any) -> None:
     """Print the rows of a table as JSON; with others, an object that has them as "rows".
 
@@ -52,7 +45,7 @@ def save_picture(figure: Any, path: Path) -> None:
 
 def result_table(
     path: Path | None, model: Any, *, with_features: bool = False, as_json: bool = False
-) -> Table:
+) -> ResultTable | HistoryTable:
     """Return the table in a file, or on the standard output.
 
     Parameters
@@ -76,45 +69,114 @@ def result_table(
             "--features needs --out FILE.sqlite, and a pipeline that ends with the classifier."
         )
     if path is None:
-        return PrintedTable(columns_of(model), as_json=as_json)
+        return ResultTable(None, model, as_json=as_json)
     if is_history(path):
         return HistoryTable(path, model_digest(model[:-1]) if with_features else None)
     if path.suffix not in (".csv", ".jsonl"):
         raise ValueError(f"{str(path)!r} must end with one of .csv, .jsonl, .sqlite.")
-    return ResultTable(path, columns_of(model, of_streams=path.suffix == ".jsonl"))
+    return ResultTable(path, model, as_json=path.suffix == ".jsonl")
 
 
-class Table:
-    """Rows that are written as soon as they are known; `path` is None if there is no file."""
+class ResultTable:
+    """Rows in a file, or on the standard output, each written as soon as it is known.
 
-    path: Path | None = None
+    Parameters
+    ----------
+    path : Path or None
+        The file; None if rows are printed.
+    model : estimator
+        Fitted classifier, from which the columns follow: those of `score`, and the other fields of
+        a record.
+    as_json : bool
+        Whether a row is a line of JSON, which is a record, or of CSV, without fields of streams.
+    """
+
+    def __init__(self, path: Path | None, model: Any, *, as_json: bool) -> None:
+        self.path = None if path is None else path.resolve()
+        self._as_json = as_json
+        first = score_columns(model)
+        left_out = () if as_json else ("alarms", "stream_start", "stream_end")
+        self._columns = [*first, *(n for n in record_of({}) if n not in (*first, *left_out))]
+        if path is None:
+            print(self._text([], heading=True), end="")
 
     def read(self) -> list[Row]:
-        """Return the rows that were written before."""
-        return []
+        """Return the rows that were written before; an incomplete last row is left out.
+
+        Raises
+        ------
+        ValueError
+            If the file is not a table of such results.
+        """
+        if self.path is None or not self.path.exists() or not self.path.stat().st_size:
+            return []
+        try:
+            text = self.path.read_bytes().decode("utf-8")  # line ends within names are kept
+            return self._rows(text[: text.rfind("\n") + 1])
+        except (ValueError, TypeError, AttributeError) as error:
+            raise ValueError(
+                f"{self.path} is no table of these results: {error}. Choose another file for --out."
+            ) from error
 
     def write(self, rows: Sequence[Row]) -> None:
-        """Write these rows in place of all others, where a table has an order."""
+        """Write these rows in place of all others, in a file."""
+        if self.path is not None:
+            write_whole(self.path, _encoded(self._text(rows, heading=True)))
 
     def append(self, row: Row, features: Any) -> Row:
-        """Write one row, and return what `read` will return of it."""
-        raise NotImplementedError
+        """Write one row, and return what `read` will return of it.
 
-
-class PrintedTable(Table):
-    """Rows on the standard output, as CSV or lines of JSON."""
-
-    def __init__(self, columns: Sequence[str], *, as_json: bool = False) -> None:
-        self._columns, self._as_json = columns, as_json
-        print(lines_of([], columns, as_json=as_json, heading=True), end="")
-
-    def append(self, row: Row, features: Any) -> Row:
-        """Print a row."""
-        print(lines_of([row], self._columns, as_json=self._as_json), end="", flush=True)
+        In a file, it is on the disk then, all of it or nothing with an error.
+        """
+        text = self._text([row])
+        if self.path is None:
+            print(text, end="", flush=True)
+            return row
+        size = self.path.stat().st_size
+        try:
+            with open(self.path, "ab") as file:
+                file.write(_encoded(text))
+        except OSError as error:
+            os.truncate(self.path, size)
+            error.filename = str(self.path)
+            raise
         return row
 
+    def _text(self, rows: Sequence[Row], *, heading: bool = False) -> str:
+        """Return records as lines of JSON or CSV; numbers so that they are read back exactly."""
+        if self._as_json:
+            table = [{name: row[name] for name in self._columns} for row in rows]
+            return "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in table)
+        frame = pd.DataFrame(rows, columns=self._columns, dtype=object).map(as_cell)
+        return frame.to_csv(index=False, header=heading, lineterminator="\n")
 
-class HistoryTable(Table):
+    def _rows(self, text: str) -> list[Row]:
+        """Return the records of lines."""
+        if self._as_json:
+            frame = pd.DataFrame(map(json.loads, text.split("\n")[:-1]))
+        else:
+            cells = pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False)
+            frame = cells.map(of_cell)
+        if list(frame.columns) != self._columns:
+            raise ValueError(
+                f"it has other columns, {list(frame.columns)} instead of {self._columns}"
+            )
+        frame = frame.astype(object)
+        fields = SCHEMA["properties"]
+        for name in self._columns:
+            kinds = fields[name].get("type", "string") if name in fields else ("number", "null")
+            known = frame[name].notna() & ((frame[name] != "") | ("null" not in kinds))
+            if "number" in kinds:
+                frame[name] = frame[name].where(known).astype(float).astype(object)
+            frame[name] = frame[name].where(known, None if "null" in kinds else "")
+        return frame.to_dict("records")
+
+
+def _encoded(text: str) -> bytes:
+    return text.encode("utf-8", "backslashreplace")
+
+
+class HistoryTable:
     """A history as a table that is never read as a whole: only names, decisions and errors are.
 
     The features are stored under the digest of the steps that made them, if it is given.
@@ -127,96 +189,12 @@ class HistoryTable(Table):
         """Return recording, id, decision and error of each record; with its features, if wanted."""
         return self._history.known(self._made_by)
 
+    def write(self, rows: Sequence[Row]) -> None:
+        """Leave all as it is: a history has no order."""
+
     def append(self, row: Row, features: Any) -> Row:
         """Write one record to the disk."""
         self._history.write(row)
         if self._made_by and not row["error"]:
             self._history.write_features(row["id"], self._made_by, features)
         return {name: row[name] for name in ("recording", "id", "decision", "error")}
-
-
-class ResultTable(Table):
-    """Rows in a file, each written as soon as it is known.
-
-    Parameters
-    ----------
-    path : Path
-        A file that ends with .csv or .jsonl.
-    columns : sequence of str
-        Columns, in this order.
-    """
-
-    path: Path
-
-    def __init__(self, path: Path, columns: Sequence[str]) -> None:
-        self.path, self.columns = path.resolve(), list(columns)
-        self._as_json = path.suffix == ".jsonl"
-
-    def read(self) -> list[Row]:
-        """Return the rows that were written before; an incomplete last row is left out.
-
-        Raises
-        ------
-        ValueError
-            If the file is not a table of such results.
-        """
-        if not self.path.exists() or not self.path.stat().st_size:
-            return []
-        try:
-            return _rows_of(self._frame(), self.columns)
-        except (ValueError, TypeError, AttributeError) as error:
-            raise ValueError(
-                f"{self.path} is no table of these results: {error}. Choose another file for --out."
-            ) from error
-
-    def _frame(self) -> pd.DataFrame:
-        text = self.path.read_bytes().decode("utf-8")  # line ends within names are kept
-        complete = text[: text.rfind("\n") + 1]
-        if not self._as_json:
-            return pd.read_csv(io.StringIO(complete), dtype=str, keep_default_na=False).map(of_cell)
-        return pd.DataFrame(map(json.loads, complete.split("\n")[:-1]))
-
-    def write(self, rows: Sequence[Row]) -> None:
-        """Write these rows in place of all others."""
-        write_whole(self.path, self._content(rows, heading=True))
-
-    def append(self, row: Row, features: Any) -> Row:
-        """Write one row to the disk, all of it or nothing with an error, and return it."""
-        size = self.path.stat().st_size
-        try:
-            with open(self.path, "ab") as file:
-                file.write(self._content([row]))
-        except OSError as error:
-            os.truncate(self.path, size)
-            error.filename = str(self.path)
-            raise
-        return row
-
-    def _content(self, rows: Sequence[Row], *, heading: bool = False) -> bytes:
-        text = lines_of(rows, self.columns, as_json=self._as_json, heading=heading)
-        return text.encode("utf-8", "backslashreplace")
-
-
-def lines_of(
-    rows: Sequence[Row], columns: Sequence[str], *, as_json: bool = False, heading: bool = False
-) -> str:
-    """Return records as lines of JSON or CSV; numbers so that they are read back exactly."""
-    if as_json:
-        table = [{name: row[name] for name in columns} for row in rows]
-        return "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in table)
-    frame = pd.DataFrame(rows, columns=columns, dtype=object).map(as_cell)
-    return frame.to_csv(index=False, header=heading, lineterminator="\n")
-
-
-def _rows_of(frame: pd.DataFrame, columns: list[str]) -> list[Row]:
-    if list(frame.columns) != columns:
-        raise ValueError(f"it has other columns, {list(frame.columns)} instead of {columns}")
-    frame = frame.astype(object)
-    fields = SCHEMA["properties"]
-    for name in columns:
-        kinds = fields[name].get("type", "string") if name in fields else ("number", "null")
-        known = frame[name].notna() & ((frame[name] != "") | ("null" not in kinds))
-        if "number" in kinds:
-            frame[name] = frame[name].where(known).astype(float).astype(object)
-        frame[name] = frame[name].where(known, None if "null" in kinds else "")
-    return frame.to_dict("records")

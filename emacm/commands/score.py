@@ -140,7 +140,9 @@ class _Work:
                 if time.monotonic() - started < 1.0:
                     at_once = max(at_once, min(2 * at_once, 32))
                 new = []
-                self._report(number, len(paths))
+                if time.monotonic() - self._reported > 5.0:  # seconds
+                    self._reported = time.monotonic()
+                    print(f"{number} of {len(paths)} files", file=sys.stderr)
         return rows
 
     def _decide(self, new: Sequence[tuple[Path, Row]]) -> None:
@@ -157,12 +159,6 @@ class _Work:
                 **self._same,
             )
             row.update(self._table.append(record, found.get("features")))
-
-    def _report(self, done: int, total: int) -> None:
-        """Report the progress, at most once in five seconds."""
-        if time.monotonic() - self._reported > 5.0:
-            self._reported = time.monotonic()
-            print(f"{done} of {total} files", file=sys.stderr)
 
 
 def _alarms(model: Any, text: str) -> set[str]:

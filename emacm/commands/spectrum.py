@@ -18,7 +18,6 @@ from emacm.machine.fault_orders import fault_orders
 from emacm.orders.columns import parse_order_columns
 from emacm.orders.order_psd import OrderPSD
 from emacm.orders.order_track import order_track
-from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.names import printable, unit_factor
 from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler
@@ -43,10 +42,12 @@ def run(options: argparse.Namespace) -> int:
     recordings: dict[str, Recording] = {}
     for path in paths:
         try:
-            recordings[printable(path)] = _chosen(open_recording(path, layout), options.channel)
+            recording: Recording = open_recording(path, layout)
+            if options.channel is not None:
+                recording = recording.select([options.channel])
+            recording.strokes()  # the file is read here
+            recordings[printable(path)] = recording
         except (ImportError, OSError, TypeError, ValueError) as error:
-            if len(paths) == 1:
-                raise
             print(f"emacm: WARNING: {printable(path)}: {error}", file=sys.stderr)
     if not recordings:
         raise ValueError("none of the files can be read.")
@@ -76,15 +77,6 @@ def run(options: argparse.Namespace) -> int:
         if path is not None:
             print(f"{name}: {printable(path)}", file=sys.stderr if options.json else sys.stdout)
     return FAILED if len(recordings) < len(paths) else 0
-
-
-def _chosen(recording: Recording, channel: str | None) -> Recording:
-    """Return a recording with one channel, or all; its file is read."""
-    if channel is not None:
-        check_channel_names(recording.channels, [channel])
-        recording = recording.select([channel])
-    recording.strokes()
-    return recording
 
 
 def _extent(options: argparse.Namespace, quality: pd.DataFrame) -> tuple[float, float]:
@@ -196,7 +188,7 @@ def _drawn(
     unit, over = first.units.get(channel, "unit"), "time" if options.over == "time" else "speed"
     marks: dict[str, Any] = {"fault_orders": fault_orders(*parts)} if parts else {}
     if options.order:
-        known = {"over": over, "polar": options.polar, "revolutions": revolutions}
+        known: dict[str, Any] = {"over": over, "revolutions": revolutions}
         figure = OrderTrackDisplay.from_recording(first, options.order, channel, **known).figure_
     elif options.map:
         figure, panels = offscreen_panels(2 if options.hz else 1, height=7.2 if options.hz else 4)
@@ -215,6 +207,6 @@ def _drawn(
         OrderSpectrumDisplay(orders, values, **lined, **marks).plot(ax=panels[0, 0])
         if options.hz:
             draw_spectra_in_hertz(recordings, channel, highest, panels[1, 0])
-    if options.map or (options.order and not options.polar):
+    if options.map or options.order:
         figure.suptitle(Path(next(iter(recordings))).name, fontsize=8)
     return figure

@@ -14,8 +14,7 @@ from typing import Any
 
 import pandas as pd
 
-from emacm.history.alarm_states import AlarmStates, reasons_of
-from emacm.history.false_alarms import AlarmSetting, alarm_setting
+from emacm.history.alarm_states import AlarmSetting, AlarmStates, alarm_setting, reasons_of
 from emacm.history.records import identity, record_of
 from emacm.history.sinks import sinks_of
 from emacm.history.sqlite_history import History
@@ -89,7 +88,7 @@ class StreamRecords:
         content : bytes
             What was read last: another stream of the same times has other identities.
         """
-        record = self._record(reading, reading.start + ahead, reading.time + ahead, content)
+        record = self.record(reading, reading.start + ahead, reading.time + ahead, content)
         if reading.complete and not self._is_silent(reading):
             known = [record["decision"]] if self._healthy is None else [str(self._healthy)]
             limit = self._setting.typicality
@@ -97,14 +96,11 @@ class StreamRecords:
             record["alarms"] = self._alarms.update(reasons, record["end"])
         return record
 
-    def of_error(self, error: str, start: float, end: float, content: bytes) -> Record:
-        """Return the record of rows that are skipped."""
-        return self._record({"error": error, "complete": False}, start, end, content)
-
-    def _record(self, found: Any, start: float, end: float, content: bytes) -> Record:
+    def record(self, found: Any, start: float, end: float, content: bytes) -> Record:
+        """Return the record of what is known between two times of the stream, without alarms."""
         options, now = self._options, pd.Timestamp.now("UTC")
         if self._has_dates or options.start:
-            origin = pd.Timestamp(0, tz="UTC") if self._has_dates else pd.Timestamp(options.start)
+            origin = pd.Timestamp(0 if self._has_dates else options.start)
             times = "file" if self._has_dates else "stated"
             began, ended = (origin + pd.Timedelta(seconds=time) for time in (start, end))
         else:

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from sklearn.base import clone
 from sklearn.pipeline import Pipeline, make_pipeline
 
-from emacm._checks import check_number
 from emacm.commands.find import parts_of_options
 from emacm.commands.loaded_model import set_costs
 from emacm.conditions.feature_baseline import FeatureBaseline, left_out_differences
@@ -269,8 +268,6 @@ def extent(recordings: RecordingFolder, options: argparse.Namespace) -> tuple[fl
     if length is None:
         longest = float(quality["longest_stroke"].min())
         length = min(16.0, floor(longest / 2) or floor(8 * longest) / 10)
-    check_number(orders, "the highest order (--max-order)", above=0)
-    check_number(length, "the length of a segment (--revolutions)", above=0)
     return orders, length, supported
 
 

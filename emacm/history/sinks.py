@@ -17,7 +17,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any, Protocol
+from typing import Any
 from urllib.parse import quote, urlsplit
 
 import pandas as pd
@@ -31,38 +31,27 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]|%(?=[0-9A-Fa-f]{2})")
 _FORMS = "FILE.sqlite, influx:FILE, influx:-, prometheus:FILE.prom, mqtt://[user@]host[:port]/topic"
 
 
-class Sink(Protocol):
-    """What records are written to."""
-
-    def write(self, record: Mapping[str, Any]) -> None:
-        """Write a record."""
-
-    def close(self) -> None:
-        """Write what is left, and close it."""
-
-
-def sinks_of(texts: Sequence[str]) -> list[Sink]:
-    """Return the sinks of an option that may be repeated; first a history, to be closed last.
+def sinks_of(texts: Sequence[str]) -> list[Any]:
+    """Return the sinks of an option that may be repeated; first histories, to be closed last.
 
     Parameters
     ----------
     texts : sequence of str
-        ``results.sqlite`` (also .db) for a `History`, others as for `sink_of`.
+        ``results.sqlite`` (also .db) for a `History`, others as for `sink_of`, which is given the
+        first history.
 
     Raises
     ------
     ValueError
-        If there are two histories, or see `sink_of`.
+        See `sink_of`.
     """
-    paths = [text for text in texts if is_history(Path(text))]
-    if len(paths) > 1:
-        raise ValueError(f"sinks may have one history, got {', '.join(paths)}. Leave out the rest.")
-    history = History(paths[0]) if paths else None
-    others = [sink_of(text, history) for text in texts if text not in paths]
-    return [history, *others] if history else others
+    histories = [History(text) for text in texts if is_history(Path(text))]
+    first = histories[0] if histories else None
+    others = [sink_of(text, first) for text in texts if not is_history(Path(text))]
+    return [*histories, *others]
 
 
-def sink_of(text: str, history: History | None = None) -> Sink:
+def sink_of(text: str, history: History | None = None) -> InfluxLines | PrometheusFile | MqttSink:
     """Return the sink that a text names.
 
     Parameters
@@ -76,7 +65,7 @@ def sink_of(text: str, history: History | None = None) -> Sink:
 
     Returns
     -------
-    Sink
+    InfluxLines, PrometheusFile or MqttSink
         With `write` of a record, and `close`.
 
     Raises

@@ -27,7 +27,6 @@ _TABLES = {  # columns and primary key
     "unsent": (("sink", "id"), "sink, id"),
     "features": (("id", "made_by", "values"), "id"),
 }
-_INDICES = ('records_of_unit ON records (unit, "end")', "records_of_name ON records (recording)")
 _VERSION = 1  # of these tables; 0 if it is not stated, as by the first versions of emacm
 # The clock of a stream is not that of the computer, which dates what a person does: times are not
 # compared. Cleared is the last state; who acknowledged an alarm is kept. A record that was written
@@ -96,8 +95,8 @@ class History:
                 quoted = ", ".join(f'"{column}"' for column in columns)  # END is a word of SQL
                 table = f"{name} ({quoted}, PRIMARY KEY ({key}))"
                 self._base.execute(f"CREATE TABLE IF NOT EXISTS {table}")
-            for index in _INDICES:
-                self._base.execute(f"CREATE INDEX IF NOT EXISTS {index}")
+            index = 'CREATE INDEX IF NOT EXISTS records_of_unit ON records (unit, "end")'
+            self._base.execute(index)
             if version < _VERSION:
                 self._base.execute(f"PRAGMA user_version = {_VERSION}")
         except (sqlite3.Error, ValueError) as error:

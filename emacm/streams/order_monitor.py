@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import clone
 
-from emacm._checks import check_choice, check_number, check_real_array
-from emacm._saved import Resumable
+from emacm._checks import check_choice, check_number, check_signal
+from emacm._saved import Resumable, packed, unpacked
 from emacm._version import __version__
 from emacm.recordings.arguments import check_durations, check_rates, check_shaft_rate
 from emacm.recordings.names import check_channel_names, chosen_channels
-from emacm.streams.intervals import IntervalCutter, Samples
-from emacm.streams.packed_state import packed, unpacked
-from emacm.streams.spectrum_stream import Settings, SpectrumStream
+from emacm.streams.shaft_stream import Samples
+from emacm.streams.spectrum_stream import IntervalCutter, Settings, SpectrumStream
 from emacm.streams.streamed_models import Reading, ReadingAlarms, StreamedModel
 
 _ON = (
@@ -107,14 +106,14 @@ class StreamInput(Resumable):
         streams = []
         for (rate, group), time in zip(self._settings.groups.items(), times, strict=False):
             names = [self._names[k] for k in group]
-            taken = [_samples(rows[name], f"channel {name!r}", rate, time) for name in names]
+            taken = [_samples(rows[name], f"channel {name!r}", time) for name in names]
             lengths = {name: len(row) for name, row in zip(names, taken, strict=True)}
             if len({*lengths.values()}) > 1:
                 raise ValueError(
                     f"channels of {rate:g} Hz must have equally many samples, got {lengths}."
                 )
             streams.append(np.array(taken))
-        motion = _samples(shaft, reference, self._settings.shaft_fs, times[-1])
+        motion = _samples(shaft, reference, times[-1])
         if reference == "velocity":
             self._check_speed(motion, times[-1])
         elif len(motion):
@@ -125,7 +124,7 @@ class StreamInput(Resumable):
         if isinstance(signals, Mapping):
             check_channel_names(list(signals), self._channels, "the block")
             return signals
-        rows = list(signals) if np.iterable(signals) else []
+        rows = list(signals)
         if len(rows) != len(self._channels):
             raise ValueError(
                 f"signals must map channels to samples, or have a row for each of the channels "
@@ -159,18 +158,12 @@ class StreamInput(Resumable):
         return measured + 2 * np.pi * turns
 
 
-def _samples(values: Any, name: str, fs: float, time: float) -> Samples:
+def _samples(values: Any, name: str, time: float) -> Samples:
     """Return finite samples, none or more, of a block that begins at `time`."""
-    samples = check_real_array(values, name).astype(np.float64, copy=False)
-    if samples.ndim != 1:
-        raise ValueError(f"{name} must be one-dimensional, got shape {samples.shape}.")
-    if not np.isfinite(samples).all():
-        place = int(np.isfinite(samples).argmin())
-        raise ValueError(
-            f"{name} is {samples[place]} at {time + place / fs:.6f} s, sample {place} of the "
-            f"block. {_ON}"
-        )
-    return samples
+    try:
+        return check_signal(values, name, min_length=0).astype(np.float64, copy=False)
+    except ValueError as error:
+        raise ValueError(f"block at {time:.6f} s: {error} {_ON}") from error
 
 
 UNITS = ("revolutions", "s")
@@ -326,9 +319,13 @@ class OrderMonitor:
             If samples are invalid: not finite, faster than `max_speed`, or after a gap. The message
             states their time and how to continue; nothing of the block was taken.
         """
-        reference = "velocity" if angle is None else "angle"
-        self._check_reference(reference, velocity, angle)
-        shaft = velocity if angle is None else angle
+        if (velocity is None) == (angle is None):
+            raise ValueError("exactly one of velocity and angle must be given.")
+        reference, shaft = ("velocity", velocity) if angle is None else ("angle", angle)
+        if self._reference not in ("", reference):
+            raise ValueError(
+                f"the stream began with {self._reference}, got {reference}. Keep it, or flush()."
+            )
         if time is None and self._reference and self._input.collect(signals, shaft):
             return []
         self._take_collected()
@@ -485,14 +482,6 @@ class OrderMonitor:
                 f"at {self.time:.6g} s, {n_held} samples of a channel are held, as the last stroke "
                 f"may go on after a rest, or as a channel or the shaft lags behind. Call reset(), "
                 f"and set max_rest or min_speed of OrderResampler (model.set_params)."
-            )
-
-    def _check_reference(self, reference: str, velocity: Any, angle: Any) -> None:
-        if (velocity is None) == (angle is None):
-            raise ValueError("exactly one of velocity and angle must be given.")
-        if self._reference not in ("", reference):
-            raise ValueError(
-                f"the stream began with {self._reference}, got {reference}. Keep it, or flush()."
             )
 
     def _checked_time(self, time: float | None) -> float:

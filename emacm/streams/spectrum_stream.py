@@ -1,13 +1,13 @@
-"""Order spectra of a recording while it is measured."""
+"""Intervals of a stream, and order spectra of each while it is measured."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import ceil, floor
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from emacm._saved import Resumable
 from emacm._statements import Statement
@@ -16,9 +16,7 @@ from emacm.orders.segment_plan import SectionCutter, SegmentPlan
 from emacm.resampling.order_resampler import OrderResampler
 from emacm.resampling.spreading import DESIGN, Spreading, upsampling
 from emacm.shaft.motion import DIRECTIONS, ShaftPath
-from emacm.streams.shaft_stream import GrowingStroke, HeldRows, HeldSeries, ShaftStream
-
-Array = NDArray[np.floating]
+from emacm.streams.shaft_stream import GrowingStroke, HeldRows, HeldSeries, Samples, ShaftStream
 
 
 class StreamQuality(Resumable):
@@ -31,17 +29,21 @@ class StreamQuality(Resumable):
     ----------
     names : sequence of str
         Names of the channels.
+
+    Attributes
+    ----------
+    strokes : list of tuple
+        Direction, revolutions, and range of the speed of each stroke.
     """
 
-    held = ("_sums", "_strokes", "_defects")
+    held = ("_sums", "strokes", "_defects")
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = names
         # Number of samples of each channel, their sum and the sum of their squares.
         self._sums = np.zeros((3, len(names)))
         self._defects: list[tuple[int, str, str]] = []  # channel, kind and text, one of each
-        # Direction, revolutions, and range of the speed of each.
-        self._strokes: list[tuple[int, float, float, float]] = []
+        self.strokes: list[tuple[int, float, float, float]] = []
 
     def add_samples(self, channels: Sequence[int], held: HeldRows) -> None:
         """Take up those samples of some channels that were not taken up yet."""
@@ -56,7 +58,7 @@ class StreamQuality(Resumable):
 
     def add_stroke(self, path: ShaftPath, slowest: float, fastest: float) -> None:
         """Take up a stroke of the shaft of interest and the range of its speed [rad/s]."""
-        self._strokes.append((path.direction, path.length / (2 * np.pi), slowest, fastest))
+        self.strokes.append((path.direction, path.length / (2 * np.pi), slowest, fastest))
 
     def quality(self, rates: Mapping[str, float]) -> Quality:
         """Return the properties of all that was taken up, for the rates of the channels [Hz]."""
@@ -64,17 +66,17 @@ class StreamQuality(Resumable):
         means = self._sums[1] / number
         levels = np.sqrt(np.maximum(self._sums[2] / number - means**2, 0.0))
         is_offset = np.abs(means) > MOST_OFFSET * levels  # at rest, a position may be so
-        turned = [revolutions for _, revolutions, _, _ in self._strokes]
-        fastest = max((most for *_, most in self._strokes), default=0.0)
+        turned = [revolutions for _, revolutions, _, _ in self.strokes]
+        fastest = max((most for *_, most in self.strokes), default=0.0)
         row = {
             "revolutions": sum(turned),
             "strokes": len(turned),
             "longest_stroke": max(turned, default=0.0),
-            "slowest": min((least for _, _, least, _ in self._strokes), default=0.0),
+            "slowest": min((least for _, _, least, _ in self.strokes), default=0.0),
             "fastest": fastest,
             "max_order": np.pi * min(rates.values()) / fastest if fastest else np.inf,
         }
-        forward = sum(revolutions for sign, revolutions, _, _ in self._strokes if sign > 0)
+        forward = sum(revolutions for sign, revolutions, _, _ in self.strokes if sign > 0)
         share = forward / row["revolutions"] if turned else np.nan
         named = dict(zip(rates, levels.tolist(), strict=True))
         seen = [found for found in self._defects if found[1] != "offset" or is_offset[found[0]]]
@@ -126,14 +128,117 @@ class Settings:
     rounding: float = 1e-6
 
     @property
-    def kinds(self) -> tuple[str, ...]:
-        """What to call the strokes whose spectra are separate."""
-        return ("forward stroke", "reverse stroke") if self.plan.by_direction else ("stroke",)
-
-    @property
     def rates(self) -> list[float]:
         """Sampling rates of the groups, and of the shaft reference [Hz]."""
         return [*self.groups, self.shaft_fs]
+
+
+class IntervalCutter(Resumable):
+    """Divides streams of samples into intervals, as `Recording.cut` divides a recording.
+
+    Parameters
+    ----------
+    settings : Settings
+        Rates and channels, and motion of the shaft.
+    slowest : float
+        Lowest rate of a recording of these signals [Hz].
+    every : float
+        Length of an interval [s or revolutions]; inf for a single one.
+    in_seconds : bool
+        Which of the two.
+
+    Attributes
+    ----------
+    start : float
+        Start of the interval [s].
+    stop : float
+        Its end, exclusive [s]; inf until it is known.
+    rows : list of HeldRows
+        Samples that wait to be taken, of each group and of the shaft.
+    """
+
+    held = ("rows", "_given", "_examined", "_number", "_turned", "start", "stop")
+
+    def __init__(self, settings: Settings, slowest: float, every: float, in_seconds: bool) -> None:
+        self._settings, self._rates, self._slowest = settings, settings.rates, slowest
+        self._every, self._in_seconds = every, in_seconds
+        self.rows = [HeldRows(n) for n in [*map(len, settings.groups.values()), 1]]
+        self._given = [0] * len(self.rows)  # samples that were given out, or belong to no interval
+        self._examined = 0  # the last sample of the shaft up to which its angle is known
+        self._number = 0
+        self._turned = 0.0  # angle of the shaft in the interval [rad]
+        self.start = 0.0
+        self.stop = every if in_seconds else np.inf
+
+    def append(self, streams: Sequence[Samples]) -> None:
+        """Add the next samples of the channels of each group, and of the shaft."""
+        for rows, block in zip(self.rows, streams, strict=True):
+            rows.append(block)
+
+    def take(self, *, all_of_them: bool = False) -> list[Samples]:
+        """Return the samples that are known to belong to the interval."""
+        by_angle = self._every < np.inf and not self._in_seconds
+        if by_angle and self.stop == np.inf:
+            self._look_for_stop()
+        taken = []
+        for i, rows in enumerate(self.rows):
+            first, last = min(rows.length, self._given[i]), rows.length
+            if not all_of_them or self.stop < np.inf:
+                last = max(first, min(last, self._last(i)))
+            taken.append(rows.between(first, last))
+            self._given[i] = max(self._given[i], last)
+            is_shaft = rows is self.rows[-1]
+            kept = last - 2  # the next interval may begin with samples at the end of this one
+            rows.drop(min(kept, self._examined) if is_shaft and by_angle else kept)
+        return taken
+
+    @property
+    def complete(self) -> bool:
+        """Whether all samples of the interval were given out."""
+        return all(
+            n >= self.stop * rate - self._settings.rounding
+            for n, rate in zip(self._given, self._rates, strict=True)
+        )
+
+    def next(self) -> None:
+        """Begin the next interval at the end of this one."""
+        self._number += 1
+        self.start, self._turned = self.stop, 0.0
+        self.stop = (self._number + 1) * self._every if self._in_seconds else np.inf
+        begin = ceil(self.start * self._slowest - self._settings.rounding) / self._slowest
+        self._given = [round(begin * rate) for rate in self._rates]
+
+    def _last(self, i: int) -> int:
+        """Last + 1 sample that may be given out."""
+        rate, shaft = self._rates[i], self.rows[-1]
+        if self.stop < np.inf:
+            return ceil(self.stop * rate - self._settings.rounding)
+        if self._every == np.inf or self.rows[i] is shaft:
+            return self.rows[i].length
+        # The interval may end where the shaft has got to.
+        return floor(shaft.length / self._rates[-1] * rate)
+
+    def _look_for_stop(self) -> None:
+        """Find the sample of the shaft at which the interval has its revolutions."""
+        (shaft,) = self.rows[-1].between(self._examined, self.rows[-1].length)
+        steps = self._steps(shaft)
+        turn = 2 * np.pi / self._settings.resampler.ratio  # of the measured shaft
+        limit = self._every * turn * (1 - 1e-12)  # beyond the rounding of the sum
+        used, turned = len(steps), self._turned + float(steps.sum())
+        if turned >= limit:
+            before = int(np.searchsorted(self._turned + np.cumsum(steps), limit))
+            used = min(before + 1, len(steps))
+            self.stop = (self._examined + used + 1) / self._rates[-1]
+        self._examined += used
+        self._turned = turned
+
+    def _steps(self, shaft: Samples) -> Samples:
+        """Return the angles between successive samples, 0 at standstill [rad]."""
+        if self._settings.reference == "angle":
+            steps = np.abs(np.diff(shaft))
+            return steps * (steps * self._rates[-1] > self._settings.resampler.min_speed)
+        steps = np.abs(shaft[1:] + shaft[:-1]) * (0.5 / self._rates[-1])
+        return steps * (np.abs(shaft[1:]) > self._settings.resampler.min_speed)
 
 
 class StrokePowers(SectionCutter, Resumable):
@@ -193,17 +298,16 @@ class SpectrumStream(Resumable):
         Speeds, revolutions and levels; complete after `finish`.
     """
 
-    held = ("shaft", "signals", "quality", "_sums", "_counts", "_longest", "_due")
+    held = ("shaft", "signals", "quality", "_sums", "_counts", "_due")
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         motion = settings.shaft_fs, settings.resampler.min_speed, settings.resampler.max_rest
         self.shaft = ShaftStream(settings.reference, *motion, self._new_powers)
         self.signals = [HeldRows(len(group)) for group in settings.groups.values()]
-        shape = len(settings.names), len(settings.kinds)
+        shape = len(settings.names), 1 + settings.plan.by_direction
         self._sums = np.zeros((*shape, settings.plan.n_orders))
         self._counts = np.zeros((*shape, 1))
-        self._longest = np.zeros(len(settings.kinds), int)  # outputs
         self.quality = StreamQuality(settings.names)
         self._due = settings.waiting  # samples at the fastest rate, at which some are processed
 
@@ -212,7 +316,7 @@ class SpectrumStream(Resumable):
         """The samples of the channels, by group, and of the shaft reference."""
         return [*self.signals, self.shaft.measured]
 
-    def append(self, streams: Sequence[Array]) -> None:
+    def append(self, streams: Sequence[Samples]) -> None:
         """Add the next samples of the channels, by group, and of the shaft; process what is due."""
         for held, block in zip(self.inputs, streams, strict=True):
             held.append(block)
@@ -221,7 +325,7 @@ class SpectrumStream(Resumable):
             self._process(ended=False)
             self._due = n_times + self._settings.waiting
 
-    def finish(self) -> Array:
+    def finish(self) -> Samples:
         """End the recording, and return its spectra, shape (n_channels, [n_directions,] n_orders).
 
         Raises
@@ -231,12 +335,13 @@ class SpectrumStream(Resumable):
         """
         self._process(ended=True)
         plan = self._settings.plan
-        for kind, longest in zip(self._settings.kinds, self._longest, strict=True):
-            if longest < plan.n_per_segment:
-                raise ValueError(
-                    f"no {kind} holds a segment of {plan.revolutions:g} revolutions; the longest "
-                    f"one has {longest / plan.samples_per_rev:.4g}."
-                )
+        if not self._counts.all():
+            one = "no stroke of one direction" if plan.by_direction else "no stroke"
+            longest = max((turned for _, turned, *_ in self.quality.strokes), default=0.0)
+            raise ValueError(
+                f"{one} holds a segment of {plan.revolutions:g} revolutions; the longest stroke "
+                f"has {longest:.4g}."
+            )
         spectra = plan.spectrum_of(self._sums / self._counts, 1)
         return spectra if plan.by_direction else spectra[:, 0]
 
@@ -272,13 +377,10 @@ class SpectrumStream(Resumable):
         settings, powers, complete = self._settings, growing.powers, growing.complete
         theta_s = settings.resampler.theta_s
         path = self.shaft.path(growing, settings.resampler.ratio)
-        if complete:
-            kind, n_angles = self._kind(path), path.count(theta_s)
-            self._longest[kind] = max(self._longest[kind], n_angles)
-            if n_angles < settings.plan.n_per_segment:
-                powers.clear()  # no segment lies in it
-        elif path.n_times < 2:
+        if not complete and path.n_times < 2:
             return
+        if complete and path.count(theta_s) < settings.plan.n_per_segment:
+            powers.clear()  # no segment lies in it
         if powers:
             _check_reversal(path)
         needed = [upsampling(fs, path.fastest, theta_s) for fs in settings.groups]
@@ -296,15 +398,12 @@ class SpectrumStream(Resumable):
         if complete:
             self._take_up(growing, path)
 
-    def _kind(self, path: ShaftPath) -> int:
-        """Return which of `Settings.kinds` a stroke is."""
-        return int(self._settings.plan.by_direction and path.direction < 0)
-
     def _take_up(self, growing: GrowingStroke, path: ShaftPath) -> None:
         """Add the powers and the speeds of a stroke that is complete."""
         settings, groups = self._settings, list(self._settings.groups.values())
+        kind = int(settings.plan.by_direction and path.direction < 0)
         for powers in growing.powers.values():
-            place = groups[powers.group], self._kind(path)
+            place = groups[powers.group], kind
             self._sums[place] += powers.total
             self._counts[place] += powers.count
         growing.powers.clear()

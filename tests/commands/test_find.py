@@ -83,7 +83,6 @@ def test_a_file_that_fails_has_a_row_and_status_3(here, capsys):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["new"], "give --bearing 6205"),
         (["new", "--bearing", "62O5"], "6203, 6204, 6205"),
         (["no shaft.csv", "--bearing", "6205"], "Give --speed, or"),
     ],

@@ -208,14 +208,8 @@ def test_parts_are_read_by_the_names_of_their_classes(tmp_path):
     file.write_text("[Bearing]\nn_balls = 9\n")
     with pytest.raises(ValueError, match=r"Bearing: .*ball_diameter"):
         read_parts(file)
-    file.write_text("[[Bearing]]\nn_bals = 9\n")
-    with pytest.raises(ValueError, match=r"'n_bals' is not known; possible are \['n_balls'"):
-        read_parts(file)
     file.write_text("")
     with pytest.raises(ValueError, match="holds no part"):
-        read_parts(file)
-    file.write_text("Bearing = ")
-    with pytest.raises(ValueError, match="not valid TOML"):
         read_parts(file)
 
 
@@ -227,12 +221,7 @@ def test_actions_stand_in_a_table_or_at_the_top(tmp_path):
         read_actions(tmp_path / "d.toml")
 
 
-def test_results_of_all_types_are_read(tmp_path):
-    table = pd.DataFrame({"recording": ["a.npz"], "decision": ["7"]})
-    table.to_csv(tmp_path / "t.csv", index=False)
-    table.to_json(tmp_path / "t.jsonl", orient="records", lines=True)
-    for suffix in ("csv", "jsonl"):
-        assert read_results(tmp_path / f"t.{suffix}")["decision"].astype(str).tolist() == ["7"]
-    table[["decision"]].to_csv(tmp_path / "u.csv", index=False)
+def test_a_table_of_other_results_is_refused(tmp_path):
+    pd.DataFrame({"decision": ["7"]}).to_csv(tmp_path / "u.csv", index=False)
     with pytest.raises(ValueError, match="not a table of emacm score"):
         read_results(tmp_path / "u.csv")

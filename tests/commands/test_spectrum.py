@@ -52,7 +52,7 @@ def test_an_order_over_rpm_is_amplitude_and_phase(run_up, capsys):
         ["--hz", "--bearing", "6205"],
         ["--map", "--over", "time"],
         ["--map", "--hz"],
-        ["--order", "1", "--polar"],
+        ["--order", "1"],
     ],
     ids=" ".join,
 )
@@ -66,7 +66,7 @@ def test_a_picture_is_drawn(run_up, capsys, options):
 @pytest.mark.parametrize(
     ("options", "word"),
     [
-        (["--order", "0"], "orders above 0"),
+        (["--order", "0"], "an order must be a number above 0"),
         (["--map", "--order", "1"], "not both"),
         (["--max-order", "900"], "support orders up to"),
         (["--channel", "x"], "no channel 'x'"),

@@ -144,7 +144,6 @@ def test_costs_and_priors_of_the_command_are_in_the_saved_model(here, capsys):
     [
         (["--healthy", "good"], "--healthy must name the healthy state"),
         (["--labels", "condition"], "its meta has no 'condition'"),
-        (["--priors", "x"], "--priors must be 'uniform'"),
     ],
 )
 def test_an_invalid_command_is_status_2_and_one_line(here, capsys, options, message):
@@ -159,8 +158,6 @@ def test_an_invalid_command_is_status_2_and_one_line(here, capsys, options, mess
     "arguments",
     [
         ["train", *REQUIRED, "--out", "none/model.emacm"],
-        ["score", "model.emacm", "files", "--layout", "layout.toml", "--out", "none/table.csv"],
-        ["trend", "files", "files", "--layout", "layout.toml", "--out", "none/trend.csv"],
         ["inspect", "run.csv", "--draft", "none/layout.toml"],
     ],
 )
@@ -168,7 +165,7 @@ def test_a_missing_folder_of_the_result_is_an_error_at_once(
     tmp_path, monkeypatch, capsys, arguments
 ):
     monkeypatch.chdir(tmp_path)
-    for name in ("layout.toml", "files", "model.emacm", "run.csv"):
+    for name in ("layout.toml", "files", "run.csv"):
         Path(name).touch()
     assert main(arguments) == 2
     assert "there is no folder 'none'" in capsys.readouterr().err
@@ -195,7 +192,6 @@ def test_states_that_differ_only_in_case_are_stated(here, capsys):
     [
         (["--recipe", "bearing"], "give --bearing 6205"),
         (["--max-order", "0"], "argument --max-order: expected a number above 0, got '0'"),
-        (["--cost", "none.csv"], "there is no file 'none.csv'"),
     ],
 )
 def test_options_that_cannot_be_are_refused_without_reading_files(here, capsys, options, message):
