@@ -573,12 +573,12 @@ def _not_compared(case: _Case) -> str:
 
 
 def _check_rate(X: Any, measured: Measured, fs: float) -> None:
-    """Raise a ValueError if healthy recordings were sampled at another rate."""
-    if abs(measured.fs / fs - 1) > 1e-6:  # it is NaN for a table
+    """Raise a ValueError if the healthy recordings have another rate, or only one is a table."""
+    if not np.isclose(measured.fs, fs, rtol=1e-6, equal_nan=True):  # it is NaN for a table
         raise ValueError(
             f"{entry_name(X, measured.number)}: channel {measured.channel!r} is sampled at "
-            f"{measured.fs:g} Hz, but in the healthy recordings at {fs:g} Hz. Use healthy "
-            f"recordings of the same sampling rate."
+            f"{measured.fs:g} Hz, but in healthy at {fs:g} Hz (nan: a table of spectra). Use "
+            f"healthy recordings of the same sampling rate."
         )
 
 

@@ -104,7 +104,8 @@ def _predicted(page: Page, top: float) -> pd.DataFrame:
     one_part = len({fault.name.rpartition(" ")[0] for fault in series}) == 1
     rows = {}
     for fault in series:
-        name = fault.name.rpartition(" ")[2] if one_part else fault.name
+        is_short = one_part and fault.kind != "given"  # without the name of the part
+        name = fault.name.rpartition(" ")[2] if is_short else fault.name
         chosen = fault.orders if fault.name in raised else fault.orders[: not raised]
         for k, order in enumerate(chosen, 1):
             if order <= top:

@@ -389,9 +389,10 @@ def test_scores_of_healthy_recordings_stand_for_them_and_the_table_shows_itself(
     assert "outer ring</td>" in by_scores._repr_html_()
 
 
-def test_healthy_recordings_of_another_sampling_rate_are_refused():
+def test_healthy_recordings_of_another_sampling_rate_and_their_spectra_are_refused():
     slow = Recording({"casing": running().signals["casing"]}, FS / 2, velocity=30.0)
-    for healthy in ([slow], healthy_scores([slow], BEARING)):
+    spectra = bearing_recipe(BEARING)[:-1].fit_transform([running(seed=1)])
+    for healthy in ([slow], healthy_scores([slow], BEARING), spectra):
         with pytest.raises(ValueError, match=r"recording 0: channel 'casing' is sampled at 12000"):
             find_faults([running()], BEARING, healthy=healthy)
 

@@ -254,6 +254,14 @@ def test_an_envelope_is_named_as_such():
     assert figure.axes[1].get_xticklabels()[0].get_text().endswith("@line")
 
 
+def test_an_order_with_a_name_of_two_words_is_marked_by_all_of_it():
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
+    model = fitted(make_pipeline(*steps(FunctionTransformer(np.log10))))
+    figure, _ = drawn(page(model, recording("outer race", 99), parts={"fan blade": 3.6}))
+    marks = " ".join(text.get_text() for text in figure.axes[0].texts)
+    assert "fan blade" in marks
+
+
 def test_a_model_without_densities_states_why_no_orders_are_given():
     forest = LeastRiskClassifier(RandomForestClassifier(30, random_state=0), COST)
     model = fitted(make_pipeline(*steps(FunctionTransformer(np.log10), bayes=forest)))
