@@ -1,20 +1,23 @@
-"""The command ``emacm inspect``: what files contain, and a draft of their layout."""
+"""The command ``emacm inspect``: what files contain, a plot, and a draft of their layout."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
+
+import numpy as np
 
 from emacm._checks import located
 from emacm._saved import write_whole
-from emacm.commands.result_tables import print_json
+from emacm.commands.result_tables import print_json, save_picture
 from emacm.files.drafts import FileContents, contents_of, contents_table, draft_layout, files_table
 from emacm.files.folder import recording_files
 from emacm.recordings.names import printable
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print what a file contains, and write a draft of its layout if asked to.
+    """Print what a file contains; write a draft of its layout and draw it if asked to.
 
     Of a folder, print a row for each file, and what the first that can be read contains.
 
@@ -40,12 +43,15 @@ def run(options: argparse.Namespace) -> int:
         print_json(columns, files=files, not_used=contents.unused, **others)
     else:
         _show(contents)
+    to = sys.stderr if options.json else sys.stdout
     if options.draft is not None:
         if options.draft.exists():
             raise ValueError(f"{str(options.draft)!r} exists. Choose another name for --draft.")
         write_whole(options.draft, draft_layout(contents, path, options.meta).encode())
-        to = sys.stderr if options.json else sys.stdout
         print(f"Draft of the layout: {printable(options.draft)}", file=to)
+    if options.plot is not None:
+        _plot(contents, options.plot)
+        print(f"Plot: {printable(options.plot)}", file=to)
     return 3 if failed else 0
 
 
@@ -57,3 +63,18 @@ def _show(contents: FileContents) -> None:
         print(f"Not used: {name!r}, {reason}")
     for remark in contents.open:
         print(f"To be stated in the layout: {remark}")
+
+
+def _plot(contents: FileContents, path: Path) -> None:
+    """Draw the first 12 columns over time, or over the number of the sample, into a picture."""
+    from emacm.displays import drawing
+
+    columns = [column for column in contents.numbers.items() if column[0] != contents.times][:12]
+    axes = drawing.panel_axes(None, len(columns), height=1.3)
+    timed = all(name in contents.rates for name, _ in columns)
+    for panel, (name, values) in zip(axes, columns, strict=True):
+        rate = contents.rates[name] if timed else 1.0
+        panel.plot(np.arange(len(values)) / rate, values, color=drawing.PLAIN, linewidth=0.8)
+        drawing.label_y(panel, name, contents.columns.units.get(name, "unit"))
+    drawing.label_x(axes, "time [s]" if timed else "sample")
+    save_picture(axes[0].figure, path)

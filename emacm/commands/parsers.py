@@ -159,6 +159,7 @@ def _inspect(command: Add) -> None:
     )
     add("file", _existing, "PATH", "a file of measurements, or a folder")
     _add_pattern(add)
+    add("--plot", _writable, "PNG", "draw the columns")
     add("--draft", _writable, "TOML", "write a draft of the layout of such files")
     add("--meta", str, "PATTERN", "parts of file names, as '{unit}_{state}_{run:d}'")
     add("--json", bool, None, "JSON on standard output")

@@ -1,4 +1,4 @@
-"""The command inspect: what a file contains, and a layout with which it can be opened."""
+"""The command inspect: what a file contains, a plot, and a layout with which it can be opened."""
 
 from pathlib import Path
 
@@ -68,6 +68,12 @@ def test_a_gap_and_values_that_are_not_finite_are_stated(tmp_path, capsys):
     assert "gap of 0.02 s after sample 6" in printed
     assert "no column is named like the motion of the shaft" in printed
     assert contents_table(contents_of(tmp_path / "a.npz")).loc["b", "not finite"] == 1
+
+
+def test_a_plot_is_drawn(csv, tmp_path):
+    pytest.importorskip("matplotlib")
+    assert main(["inspect", str(csv), "--plot", str(tmp_path / "plot.png")]) == 0
+    assert (tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize("content", [None, b"", b"PK broken"])
