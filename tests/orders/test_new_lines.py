@@ -166,7 +166,7 @@ def test_a_statement_has_the_channel_and_how_far_the_limit_is_exceeded(training)
 def test_one_group_for_each_recording_is_needed(training):
     with pytest.raises(ValueError, match="a label for each of 60 recordings, got 2"):
         BinTransformer(max_order=12).fit(table(training), groups=["a", "b"])
-    with pytest.raises(ValueError, match=r"one-dimensional.*shape \(60, 2\). Pass one column"):
+    with pytest.raises(ValueError, match=r"must be one column.*shape \(60, 2\)"):
         BinTransformer(max_order=12).fit(table(training), groups=np.zeros((60, 2)))
     with pytest.raises(ValueError, match="that of recording 3 is missing"):
         BinTransformer(max_order=12).fit(table(training), groups=["a"] * 3 + [None] + ["b"] * 56)
