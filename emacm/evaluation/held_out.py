@@ -247,7 +247,12 @@ def why_impossible(folds: Sequence[Fold], labels: Sequence[Any]) -> str:
 
 def _checked_fold(train: Any, test: Any, n_recordings: int, number: int) -> Fold:
     recordings = np.arange(n_recordings)
-    train, test = (np.unique(recordings[list(part)]) for part in (train, test))
+    try:
+        train, test = (np.unique(recordings[list(part)]) for part in (train, test))
+    except IndexError as error:
+        raise ValueError(
+            f"fold {number}: give positions of recordings, or masks: {error}."
+        ) from error
     both = np.intersect1d(train, test)
     if len(both) or not (len(train) and len(test)):
         raise ValueError(

@@ -343,6 +343,7 @@ BAD = {
     "splits['s']: Expected": {"splits": {"s": "train"}},
     "splits['s']: cannot unpack": {"splits": {"s": [1]}},
     "splits['s']: fold 0 must have recordings in train": {"splits": {"s": ([1], [])}},
+    "splits['s']: fold 0: give positions of recordings, or masks": {"splits": {"s": ([96], [1])}},
     "in both: [2]": {"splits": {"s": ([1, 2], [2])}},
     "more than once: ['random split']": {"splits": {"random split": ([1], [2])}},
 }
