@@ -356,14 +356,18 @@ def file_stems(names: Sequence[str]) -> list[str]:
     >>> file_stems(["a/run.npz", "b/run.npz", "b/new.npz", "recording 3"])
     ['a_run', 'b_run', 'new', 'recording_3']
     >>> file_stems(["run 1.csv", "run_1.csv", "index.csv"])
-    ['run_1_c1ad1979', 'run_1_be140531', 'index_1c66a654']
+    ['run_1_edb3a055', 'run_1_1b69dfb6', 'index_d9f9d495']
+    >>> len({*file_stems(["run.csv", "run.csv"])})  # two excerpts of a file
+    2
     """
     paths = [Path(name) for name in names]
     n_folders = Counter(stem for stem, _ in {(path.stem, path.parent) for path in paths})
     stems = [f"{p.parent.name}_{p.stem}" if n_folders[p.stem] > 1 else p.stem for p in paths]
     stems = [re.sub(r"[^\w.-]", "_", stem)[-75:] for stem in stems]  # a name has 255 bytes
     counts = Counter(stem.casefold() for stem in [*stems, "index"])
+    same: Counter[str] = Counter()
     for k, name in enumerate(names):
+        same[name] += 1
         if counts[stems[k].casefold()] > 1:
-            stems[k] += "_" + sha256(name.encode()).hexdigest()[:8]
+            stems[k] += "_" + sha256(f"{name}{same[name]}".encode()).hexdigest()[:8]
     return stems
