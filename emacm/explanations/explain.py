@@ -282,10 +282,8 @@ def match_fault_orders(
 
     Raises
     ------
-    KeyError
-        If `explanation` lacks a column.
     TypeError, ValueError
-        If there is no order, or an order is not positive.
+        If `explanation` is not an explanation, there is no order, or an order is not positive.
 
     See Also
     --------
@@ -308,6 +306,12 @@ def match_fault_orders(
     >>> matched["fault"].tolist(), matched.attrs["predicted_share"]
     (['2xBPFI', 'BPFI'], 1.0)
     """
+    columns = ("column", "low", "high", "share")
+    missing = [c for c in columns if c not in getattr(explanation, "columns", ())]
+    if missing:
+        raise ValueError(
+            f"explanation must be of explain_decision or explain_model; {missing[0]!r} is missing."
+        )
     check_number(slip, "slip", at_least=0, below=1)
     low, high = (explanation[name].to_numpy(np.float64) for name in ("low", "high"))
     inside, nearest = lines_within(low, high, orders, slip=slip, min_width=min_width)

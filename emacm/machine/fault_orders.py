@@ -200,7 +200,11 @@ def slip_ranges(
     (['BPFI'], array([5.94]), array([6.06]))
     """
     names, centres = named_orders(orders)
-    slips: Any = orders["slips"] if isinstance(orders, pd.DataFrame) else True
+    slips: Any = True
+    if isinstance(orders, pd.DataFrame):
+        slips = orders["slips"].to_numpy()
+        if slips.dtype != bool:
+            raise TypeError(f"the column 'slips' must be boolean, got {slips.dtype}.")
     half = np.maximum(np.where(slips, slip, 0.0) * centres, min_width / 2)
     return names, np.maximum(centres - half, 0.0), centres + half
 
@@ -220,6 +224,11 @@ def named_orders(orders: Orders) -> tuple[list[str], np.ndarray]:
     (['BPFI'], array([6.123]))
     """
     if isinstance(orders, pd.DataFrame):
+        missing = [name for name in ("order", "slips") if name not in orders.columns]
+        if missing:
+            raise ValueError(
+                f"orders must be a table from fault_orders; it has no column {missing[0]!r}."
+            )
         orders = orders["order"]
     if not isinstance(orders, Mapping | pd.Series) or not len(orders):
         raise TypeError(

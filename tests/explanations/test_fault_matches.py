@@ -40,8 +40,10 @@ def test_orders_bound_to_the_shaft_are_not_given_slip():
     assert match_fault_orders(table, {"supply": 36.0})["fault"].tolist() == ["supply"]
 
 
-def test_an_invalid_slip_is_refused():
+def test_an_invalid_explanation_or_order_is_refused():
     table = explained([6.0], [1.0])
+    with pytest.raises(ValueError, match="'share' is missing"):
+        match_fault_orders(table.drop(columns="share"), {"BPFI": 6.1})
     with pytest.raises(ValueError, match="slip"):
         match_fault_orders(table, {"BPFI": 6.1}, slip=1.0)
 
