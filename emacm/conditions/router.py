@@ -323,7 +323,10 @@ class ConditionRouter(
         if not isinstance(X, pd.DataFrame) or callable(self.condition):
             return X
         keys = self.condition if isinstance(self.condition, tuple) else (self.condition,)
-        return X.drop(columns=list(keys))
+        inner = X.drop(columns=list(keys))
+        if not inner.shape[1]:
+            raise ValueError(f"X has no columns besides the condition, {list(keys)}; add features.")
+        return inner
 
     def _results(
         self, X: Any, method: str, labels: str | None = None, absent: float = 0.0

@@ -68,13 +68,16 @@ def check_edges(edges: ArrayLike | Mapping[str, Band]) -> dict[str, Band] | list
     Raises
     ------
     TypeError
-        If an edge is not a number.
+        If an edge is not a number or a name not a string.
     ValueError
         If edges do not increase, are negative or not finite, or a band is named like other orders.
     """
     if isinstance(edges, Mapping):
         if not edges:
             raise ValueError("edges must name at least one band, got an empty mapping.")
+        for name in edges:
+            if not isinstance(name, str):
+                raise TypeError(f"bands in edges must be named by strings, got {name!r}.")
         bands = {name: _check_band(band, f"band {name!r} of edges") for name, band in edges.items()}
         for name, band in bands.items():
             _check_name(name, band)

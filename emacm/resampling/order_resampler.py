@@ -344,6 +344,10 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
 
     def _recordings(self, X: Any) -> list[Recording]:
         """Return X as recordings, whatever form it came in."""
+        if isinstance(X, np.ndarray) and X.dtype != object and X.ndim != 3:
+            raise ValueError(
+                f"an array X must have shape (n_recordings, n_channels, n_times), got {X.shape}."
+            )
         return for_each(self._from_bare, as_list(X))
 
     def _from_bare(self, entry: Any) -> Recording:

@@ -98,6 +98,8 @@ class RecordingStatistics(StrokeFeatures):
         self.statistics = statistics
 
     def _check_own_parameters(self) -> None:
+        if isinstance(self.statistics, str):
+            raise TypeError(f"statistics must be a list of names, got {self.statistics!r}.")
         for name in self.statistics:
             check_choice(name, "a statistic", (*STATISTICS, "slope"))
         if not 0 < len(set(self.statistics)) == len(self.statistics):

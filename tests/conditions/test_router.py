@@ -264,6 +264,7 @@ BAD_FITS = [
         [*"abab", *["worn"] * 4],
         "load=40: all 4 are of class 'worn'",
     ),
+    (ConditionRouter(LOGISTIC), LOADED[["load"]], STATES, "no columns besides the condition"),
     (ConditionRouter(LOGISTIC), LOADED.to_numpy(), STATES, "a ndarray without meta"),
     (ConditionRouter(LOGISTIC, "speed"), LOADED, STATES, "recording 0 has no column 'speed'"),
     (ConditionRouter(LOGISTIC, ["load"]), LOADED, STATES, "condition must be a key of meta"),

@@ -60,6 +60,7 @@ CASES = [
         )
         for name in ("6-7", "5.5", "sideband@5")
     ),
+    Case("a band with a number as its name", lambda: bins(edges={1: (1, 2)}), T, "strings, got 1"),
     Case("a negative band", lambda: bins(edges={"x": (-1, 6)}), V, "band 'x'|at least 0"),
     Case(
         "a stop band that is not nested", lambda: bins(stop_bands=(5.6, 6.4)), T, "stop band 0|pair"

@@ -28,7 +28,7 @@ CASES = [
         Case(name, lambda X=X, options=options: OrderResampler(**options).fit(X), error, *words)
         for name, X, options, error, *words in [
             ("a single frame", pd.DataFrame({"a": [1.0]}), {}, T, "list of", "DataFrame"),
-            ("two dimensions", np.ones((2, 5)), BARE, V, "(n_channels, n_times), got (5,)"),
+            ("two dimensions", np.ones((2, 5)), {}, V, "(n_recordings, n_channels", "(2, 5)"),
             ("numbers in the list", [run(), 5], {}, T, "recording 1", "a Recording", "5"),
             ("text in the list", ["a.csv"], {}, T, "recording 0", "use open_recording"),
             ("a recording over angle", over_angle(), {}, T, "recording 0", "must come first"),

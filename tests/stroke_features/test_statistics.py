@@ -87,6 +87,7 @@ def test_a_constant_channel_is_named_with_its_strokes():
     [
         ({"statistics": ("median",)}, ValueError, "a statistic must be one of .*; got 'median'"),
         ({"statistics": ()}, ValueError, "statistics must contain each name once"),
+        ({"statistics": "rms"}, TypeError, "statistics must be a list of names, got 'rms'"),
     ],
 )
 def test_wrong_parameters_are_refused(parameters, error, message):
