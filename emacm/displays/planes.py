@@ -157,6 +157,11 @@ class FeatureDensityDisplay(PlaneDisplay):
             If there are not two features, a value is not finite, or an option is invalid.
         """
         check_is_fitted(estimator)
+        if estimator.n_features_in_ != 2:
+            raise ValueError(
+                f"two features are drawn, but the classifier was fitted on "
+                f"{estimator.n_features_in_}. Fit it on two of them."
+            )
         means = np.asarray(estimator.means_)
         covariances = np.asarray(estimator.covariances_)
         if estimator.covariance == "diag":

@@ -24,3 +24,10 @@ def test_every_point_of_an_ellipse_has_the_same_density(covariance, ax):
         at_mean = model.predict_joint_log_proba(model.means_)[number, number]
         # exp(-r²/2) = 1 - share, so that is how far the density has fallen.
         assert np.allclose(on_line, at_mean + np.log(0.1))
+
+
+def test_a_classifier_of_more_than_two_features_is_refused(ax):
+    X, y = two_classes(20)
+    model = CostSensitiveGaussianBayes().fit(np.column_stack([X, X[:, ::-1] ** 2]), y)
+    with pytest.raises(ValueError, match="was fitted on 4"):
+        FeatureDensityDisplay.from_estimator(model, X, y, ax=ax)
