@@ -310,9 +310,12 @@ def in_decibels(value: float) -> str:
 
 def _decibels(level: float, low: float, high: float) -> float:
     """Return how far a level is beyond a range [dB], 0 within."""
-    with np.errstate(divide="ignore", invalid="ignore"):  # of channels without signal
-        above, below = (20 * np.log10(np.divide(level, [high, low]))).tolist()
-    return max(0.0, above) + min(0.0, below)  # 0 where both are without signal: NaN
+    end = high if level > high else low
+    if low <= level <= high:
+        return 0.0
+    if level == 0 or end == 0:
+        return -np.inf if level == 0 else np.inf
+    return 20 * (np.log10(level) - np.log10(end))
 
 
 def _channels(names: Sequence[str]) -> str:
