@@ -32,23 +32,25 @@ _FORMS = "FILE.sqlite, influx:FILE, influx:-, prometheus:FILE.prom, mqtt://[user
 
 
 def sinks_of(texts: Sequence[str]) -> list[Any]:
-    """Return the sinks of an option that may be repeated; first histories, to be closed last.
+    """Return the sinks of an option that may be repeated; first a history, to be closed last.
 
     Parameters
     ----------
     texts : sequence of str
         ``results.sqlite`` (also .db) for a `History`, others as for `sink_of`, which is given the
-        first history.
+        history.
 
     Raises
     ------
     ValueError
-        See `sink_of`.
+        If there are two histories, or see `sink_of`.
     """
-    histories = [History(text) for text in texts if is_history(Path(text))]
-    first = histories[0] if histories else None
-    others = [sink_of(text, first) for text in texts if not is_history(Path(text))]
-    return [*histories, *others]
+    paths = [text for text in texts if is_history(Path(text))]
+    if len(paths) > 1:  # alarms are acknowledged in one
+        raise ValueError(f"sinks may have one history, got {', '.join(paths)}. Leave out the rest.")
+    history = History(paths[0]) if paths else None
+    others = [sink_of(text, history) for text in texts if text not in paths]
+    return [history, *others] if history else others
 
 
 def sink_of(text: str, history: History | None = None) -> InfluxLines | PrometheusFile | MqttSink:

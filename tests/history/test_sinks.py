@@ -151,6 +151,11 @@ def test_an_address_that_is_no_topic_of_a_broker_is_refused(url, tmp_path):
         sinks_of([url, str(tmp_path / "h.sqlite")])
 
 
+def test_two_histories_are_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"a\.sqlite, b\.sqlite"):
+        sinks_of(["a.sqlite", "b.sqlite"])
+
+
 def test_a_sink_whose_folder_is_missing_is_named(tmp_path):
     for kind in ("influx:", "prometheus:"):
         with pytest.raises(OSError, match=r"none.a\.prom"):
