@@ -44,10 +44,11 @@ def pytest_collection():
 def pytest_collection_modifyitems(items):
     """Begin with the longest tests, so that no worker waits for them at the end.
 
-    Nor are tests of a chapter of the thesis given to two workers, which would each compute it.
+    Those of the thesis first: later, another worker would take some, and compute it again.
     """
-    longest = {"test_site.py", "test_notebooks.py", "thesis"}
-    items.sort(key=lambda item: not longest & {item.path.name, item.path.parent.name})
+    longest = ["thesis", "test_site.py", "test_notebooks.py"]
+    rank = {name: number for number, name in enumerate(longest)}
+    items.sort(key=lambda i: min(rank.get(name, 3) for name in (i.path.name, i.path.parent.name)))
 
 
 @pytest.fixture(autouse=True)

@@ -36,7 +36,8 @@ def test_a_chapter_that_fails_leaves_the_report_of_those_before_it(tmp_path, mon
 
 def test_each_command_that_readme_prints_is_run_as_printed():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    ci, site = ((ROOT / name).read_text("utf-8") for name in (".ci/run", "tests/test_site.py"))
+    names = ".ci/run", "tests/test_site.py", "tests/thesis/conftest.py"
+    ci, site, thesis = ((ROOT / name).read_text("utf-8") for name in names)
     in_ci = [int(n) for n in re.findall(r"readme_command (\d)\)", ci)]
     blocks = len(re.findall(r"```sh\n", readme))
     assert sorted(in_ci) == list(range(1, blocks))  # the last one: tests/test_readme.py
@@ -45,4 +46,4 @@ def test_each_command_that_readme_prints_is_run_as_printed():
     # Those of emacm are run by tests/test_readme.py.
     others = [c for c in re.findall(program, prose) if "emacm" not in c.split()[0]]
     assert len(others) > 3
-    assert [command for command in others if command not in ci + site] == []
+    assert [command for command in others if command not in ci + site + thesis] == []

@@ -20,7 +20,7 @@ from chapter2 import reproduce_chapter2
 from chapter3 import reproduce_chapter3
 from chapter4 import reproduce_chapter4
 from chapter5 import reproduce_chapter5
-from findings import counted
+from findings import Chapter, counted
 from report import REPORT, write_report
 
 CHAPTERS = {
@@ -31,7 +31,7 @@ CHAPTERS = {
 }
 
 
-def main() -> None:
+def main() -> list[Chapter]:
     """Reproduce chapters, write the report, and print verdicts and findings that disagree."""
     parser = argparse.ArgumentParser(prog="python benchmarks/thesis", description=__doc__)
     parser.add_argument(
@@ -60,7 +60,7 @@ def main() -> None:
 
     # A quick run takes less time than starting processes; further threads only wait.
     jobs = None if options.quick else options.jobs
-    chapters = []
+    chapters: list[Chapter] = []
     for number in dict.fromkeys(options.chapter or CHAPTERS):
         with threadpool_limits(1):
             chapters.append(CHAPTERS[number](quick=options.quick, n_jobs=jobs, report=progress))
@@ -76,7 +76,8 @@ def main() -> None:
             )
     print(f"Report written: {options.out / REPORT}")
     print(counted(findings))
+    return chapters
 
 
 if __name__ == "__main__":
-    main()
+    chapters = main()

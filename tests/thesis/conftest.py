@@ -1,26 +1,33 @@
-"""Modules of the reproduction are found by their folder: they are no part of the package."""
+"""One run of the command of the thesis; its modules are found by their folder."""
 
 import re
+import runpy
 import sys
-from functools import lru_cache
-from importlib import import_module
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "thesis"))
+FOLDER = Path(__file__).parents[2] / "benchmarks" / "thesis"
+sys.path.insert(0, str(FOLDER))
+COMMAND = "python benchmarks/thesis --quick"
 
 
 @pytest.fixture(scope="session")
-def quick_chapter():
-    """Return a function that reproduces a chapter once: the chapter, and its lines of progress."""
-
-    @lru_cache
-    def reproduced(number):
-        function, said = getattr(import_module(name := f"chapter{number}"), f"reproduce_{name}"), []
-        return function(quick=True, report=said.append), said
-
-    return reproduced
+def quick_chapter(tmp_path_factory):
+    """Return a function of its number: a chapter of the quick run, and its lines of progress."""
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        redirect_stdout(StringIO()),
+        redirect_stderr(StringIO()) as progress,
+    ):
+        patch.setattr("sys.argv", COMMAND.split()[1:])
+        patch.chdir(folder := tmp_path_factory.mktemp("thesis"))
+        chapters = runpy.run_path(str(FOLDER), run_name="__main__")["chapters"]
+    assert (folder / "emacm_reproduction" / "report.html").exists()
+    said = [line.partition("] ")[2] for line in progress.getvalue().splitlines()]
+    return lambda n: (chapters[n - 2], [text for text in said if text.startswith(f"chapter {n}")])
 
 
 @pytest.fixture(scope="session")

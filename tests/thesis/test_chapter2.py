@@ -7,9 +7,7 @@ pytestmark = pytest.mark.slow  # the whole chapter is computed and drawn
 
 @pytest.fixture(scope="module")
 def chapter(quick_chapter):
-    chapter, said = quick_chapter(2)
-    assert all(line.startswith("chapter 2: ") for line in said)
-    return chapter
+    return quick_chapter(2)[0]
 
 
 @pytest.fixture(scope="module")
