@@ -1,1 +1,1 @@
-"""Leaving groups out: quantiles, tails and temperatures that hold for new groups."""
+"""Leaving groups out: quantiles and temperatures that hold for new groups."""

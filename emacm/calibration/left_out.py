@@ -1,19 +1,17 @@
 """Leaving groups out: every recording is judged by a model that was fitted without its group.
 
 `left_out` divides the recordings. What is learnt from those left out: a quantile in which each
-group counts once (`grouped_quantile`), the tail of their distances (`student_tail`,
-`peaks_over_threshold`) and the temperature of their densities (`fit_temperature`).
+group counts once (`grouped_quantile`) and the temperature of their densities (`fit_temperature`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
-from scipy.special import gammaln, logsumexp, stdtr, stdtrit
+from scipy.special import logsumexp
 from sklearn.model_selection import GroupKFold
 
 from emacm._checks import group_codes
@@ -97,174 +95,6 @@ def check_judged(judged: NDArray[np.bool_]) -> None:
             "no class has recordings in two groups, so that no recording can be judged by others "
             "of its class. Give groups= with at least two groups in one class."
         )
-
-
-@dataclass(frozen=True)
-class Peaks:
-    """The largest fifth of some values, as peaks over a threshold [1]_.
-
-    Attributes
-    ----------
-    threshold : float
-        Above it lie the peaks.
-    n_peaks : float
-        Sum of their weights.
-    mean_excess : float
-        Of the peaks over the threshold: estimate from the peaks and from what was expected.
-
-    References
-    ----------
-    .. [1] Pickands, Statistical inference using extreme order statistics, Annals of Statistics
-       3 (1975).
-    """
-
-    threshold: float
-    n_peaks: float
-    mean_excess: float
-
-
-@dataclass(frozen=True)
-class StudentTail:
-    """Empirical distribution whose tail is that of Student's t.
-
-    If values, such as logarithms of distances, are normal above the threshold, and their
-    standard deviation is known from a few peaks only, then the predictive distribution of the next
-    one is Student's t [1]_. Its degrees of freedom are the number of peaks, with those that the
-    expected mean excess counts as: a tail from few peaks is wider.
-
-    Attributes
-    ----------
-    values : ndarray of shape (n_values,)
-        Sorted.
-    weight_from : ndarray of shape (n_values + 1,)
-        Sum of the weights of each value and all larger ones; the last is 0.
-    peaks : Peaks
-        The values that the tail describes.
-    share : float
-        Fraction of the values that the model of the tail describes.
-    n_expected : float
-        Number of peaks that the expected mean excess counts as.
-
-    References
-    ----------
-    .. [1] Geisser, Predictive Inference (1993), section 3.1.
-    """
-
-    values: Array
-    weight_from: Array
-    peaks: Peaks
-    share: float
-    n_expected: float
-
-    def survival(self, values: Array) -> Array:
-        """Return the probability that a known recording is at least as far, in (0, 1].
-
-        Parameters
-        ----------
-        values : ndarray
-            Of any shape.
-
-        Returns
-        -------
-        ndarray of the shape of `values`
-            ``(n + 1) / (N + 1)`` if n of N values are at least as large, up to the threshold.
-        """
-        total = self.weight_from[0] + 1
-        found = (self.weight_from[np.searchsorted(self.values, values, "left")] + 1) / total
-        beyond = values > self.peaks.threshold
-        degrees = self.peaks.n_peaks + self.n_expected
-        at, mean = upper_share(degrees, self.share)
-        excess = (values[beyond] - self.peaks.threshold) / self.peaks.mean_excess
-        # At most 1, but for rounding.
-        tail = np.minimum(stdtr(degrees, -(at + mean * excess)) / self.share, 1.0)
-        found[beyond] = (self.peaks.n_peaks + 1) / total * tail
-        return np.maximum(found, np.finfo(np.float64).tiny)  # however far it is
-
-
-def student_tail(values: Array, weight: Array, expected: float | None = None) -> StudentTail:
-    """Fit a tail to the largest fifth of some values.
-
-    Of a normal distribution the mean excess over the upper fifth is 0.56 standard deviations, of an
-    exponential one 1; of log distances in simulations and on a real actuator 0.5 to 0.85.
-
-    Parameters
-    ----------
-    values : ndarray of shape (n_values,)
-        At least one.
-    weight : ndarray of shape (n_values,)
-        Number of times each value is counted, positive.
-    expected : float, default=None
-        Mean excess that is expected before any value is seen. None: 0.7 standard deviations of
-        the values. It counts as 20 peaks.
-
-    Returns
-    -------
-    StudentTail
-
-    Examples
-    --------
-    >>> tail = student_tail(np.arange(10.0), np.ones(10), expected=1.5)
-    >>> tail.peaks
-    Peaks(threshold=7.0, n_peaks=2.0, mean_excess=1.5)
-    >>> tail.survival(np.array([-1.0, 5.0, 8.5, 12.0])).round(5)
-    array([1.     , 0.54545, 0.10763, 0.00605])
-    """
-    order = np.argsort(values)
-    values, weight = values[order], weight[order]
-    weight_from = np.append(np.cumsum(weight[::-1])[::-1], 0.0)
-    if expected is None:
-        spread = values - np.average(values, weights=weight)
-        expected = 0.7 * float(np.sqrt(np.average(spread**2, weights=weight)))
-    n_expected = 20.0
-    peaks = peaks_over_threshold(values, weight, expected, n_expected)
-    return StudentTail(values, weight_from, peaks, 0.2, n_expected)
-
-
-def peaks_over_threshold(values: Array, weight: Array, expected: float, n_expected: float) -> Peaks:
-    """Return the mean excess of the largest fifth of some values.
-
-    The estimate of few peaks is uncertain by as much as 100 %. It is therefore combined with an
-    expected value, as by a conjugate prior for the mean of exponential values.
-
-    Parameters
-    ----------
-    values : ndarray of shape (n_values,)
-        At least one.
-    weight : ndarray of shape (n_values,)
-        Number of times each value is counted, positive.
-    expected : float
-        Expected mean excess.
-    n_expected : float
-        Number of peaks that it counts as.
-
-    Returns
-    -------
-    Peaks
-
-    Examples
-    --------
-    >>> peaks_over_threshold(np.arange(10.0), np.ones(10), expected=3.0, n_expected=1)
-    Peaks(threshold=7.0, n_peaks=2.0, mean_excess=2.0)
-    """
-    order = np.argsort(values)
-    values, weight = values[order], weight[order]
-    # The least value above which at most a fifth of the weight lies.
-    above = weight.sum() - np.cumsum(weight)
-    threshold = float(values[np.argmax(above <= 0.2 * weight.sum() * (1 + 1e-12))])
-    beyond = values > threshold
-    n_peaks = float(weight[beyond].sum())
-    excess = float(weight[beyond] @ (values[beyond] - threshold))
-    mean = (excess + n_expected * expected) / (n_peaks + n_expected)
-    return Peaks(threshold, max(n_peaks, 1.0), max(mean, 1e-3))  # equal values have no tail
-
-
-def upper_share(degrees: float, share: float) -> tuple[float, float]:
-    """Return the quantile of Student's t above which a share lies, and the mean excess over it."""
-    at = -float(stdtrit(degrees, share))
-    log_density = gammaln((degrees + 1) / 2) - gammaln(degrees / 2) - np.log(degrees * np.pi) / 2
-    log_density -= (degrees + 1) / 2 * np.log1p(at**2 / degrees)
-    mean = (degrees + at**2) / (degrees - 1) * np.exp(log_density) / share
-    return at, float(mean - at)
 
 
 def fit_temperature(

@@ -127,7 +127,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
     No probability depends on costs. With `unknown_rate`, the rank of a recording among those left
     out decides whether the unknown state is the most probable one: its probability is at least 1/2
     for a typicality of at most `unknown_limit_`, and about twice this limit for all others
-    (`emacm.decisions.typicality.evidence_for_unknown`). Costs then decide by the risk, as
+    (`emacm.decisions.costs.evidence_for_unknown`). Costs then decide by the risk, as
     everywhere: where looking is cheap, "inspect" is decided before that. Of "unknown" and
     "inspect" at the same cost, "unknown" is decided where it is the most probable state.
 

@@ -2,7 +2,7 @@
 
 The true states are the classes and the unknown state, which has no recordings: "Unhealthy -
 Unknown" in Eq. (2.35) of [1]_. Its probability follows from typicality
-(`emacm.decisions.typicality`).
+(`emacm.decisions.typicality`) by `unknown_probability`.
 
 Orientation of costs, everywhere: rows are decisions, columns are true classes. ``cost[i, k]`` is
 the cost of deciding ``i`` when ``k`` is true, C(w_i | w_k) in [1]_, Eqs. (2.39) and (2.48).
@@ -306,6 +306,107 @@ def truth_priors(
     if not every[:-1].sum() > 0:
         raise ValueError(f"priors give {unknown!r} the probability 1, and no class any.")
     return every[:-1] / every[:-1].sum(), float(every[-1])
+
+
+def evidence_for_unknown(typicality: Array, rate: float | None = None) -> Array:
+    """Return the Bayes factor for the unknown state against the known ones.
+
+    The typicality p of known recordings is uniform; that of unknown ones has the density
+    ``xi p^(xi - 1)`` with an unknown xi, uniform in (0, 1). The ratio of both densities is
+    ``E(p) = (1 - p + p log p) / (p log(p)^2)`` [1]_. Its mean over known recordings is 1, so that
+    it does not exaggerate; -1 / (e p log p) [2]_ is an upper bound over all xi, with a mean above
+    1. E(p) rises slowly between the typicalities 1 and 0.01: a weak statement.
+
+    The rank of a recording is a strong one: a typicality of at most `rate` is a test with this
+    false alarm rate. Nothing is known of how many unknown recordings it finds; half of them are
+    taken to be like known ones, the other half to be beyond the rate, where p / rate has the
+    densities above: ``(1 + E(p / rate) / rate) / 2`` for ``p <= rate``, and 1/2 for all others.
+    A mean of two such ratios, it has the mean 1 as well [1]_.
+
+    Parameters
+    ----------
+    typicality : ndarray
+        In (0, 1], of any shape.
+    rate : float, default=None
+        Accepted share of known recordings that are called unknown. None: E(p).
+
+    Returns
+    -------
+    ndarray of the shape of `typicality`
+        Between 0.5, for the most typical recording, and infinity.
+
+    References
+    ----------
+    .. [1] Vovk and Wang, E-values: calibration, combination and applications, Annals of
+       Statistics 49 (2021), section 2.
+    .. [2] Sellke, Bayarri and Berger, Calibration of p values for testing precise null
+       hypotheses, The American Statistician 55 (2001).
+
+    Examples
+    --------
+    >>> evidence_for_unknown(np.array([1.0, 0.1, 0.01, 0.0001])).round(2)
+    array([  0.5 ,   1.26,   4.45, 117.76])
+    >>> evidence_for_unknown(np.array([1.0, 0.03, 0.02, 0.01, 0.0001]), rate=0.02).round(1)
+    array([  0.5,   0.5,  13. ,  16.5, 173. ])
+    """
+    if rate is not None:
+        rare = typicality <= rate
+        beyond = evidence_for_unknown(np.where(rare, typicality / rate, 1.0)) / rate
+        return (1 + rare * beyond) / 2
+    surprise = -np.log(typicality)
+    small = surprise < 1e-4  # the quotient of differences loses digits
+    safe = np.where(small, 1.0, surprise)
+    return np.where(small, 0.5 + surprise / 6, (np.expm1(safe) - safe) / safe**2)
+
+
+def prior_for_rate(rate: float) -> float:
+    """Return the prior with which a share of known recordings is most probably unknown.
+
+    A recording whose typicality is `rate` is as probably of the unknown state as of a known one.
+    Less typical ones, as `rate` of the known recordings are, have the unknown state as their most
+    probable one.
+
+    Parameters
+    ----------
+    rate : float
+        Accepted mean share of known recordings, above 0 and below 1.
+
+    Returns
+    -------
+    float
+
+    Examples
+    --------
+    >>> prior = prior_for_rate(0.02)
+    >>> unknown_probability(np.array([1.0, 0.03, 0.02, 0.01, 0.0001]), prior, 0.02).round(2)
+    array([0.04, 0.04, 0.5 , 0.56, 0.93])
+    """
+    return float(1 / (1 + evidence_for_unknown(np.array(rate), rate)))
+
+
+def unknown_probability(typicality: Array, prior: float, rate: float | None = None) -> Array:
+    """Return the probability of the unknown state, by Bayes' rule.
+
+    Parameters
+    ----------
+    typicality : ndarray
+        In (0, 1], of any shape.
+    prior : float
+        Of the unknown state, 0 to 1.
+    rate : float, default=None
+        As for `evidence_for_unknown`.
+
+    Returns
+    -------
+    ndarray of the shape of `typicality`
+
+    Examples
+    --------
+    >>> unknown_probability(np.array([1.0, 0.01, 1e-6]), 0.01).round(3)
+    array([0.005, 0.043, 0.981])
+    """
+    unknown = prior * evidence_for_unknown(typicality, rate)
+    return unknown / (1 - prior + unknown)
 
 
 def cost_table(

@@ -30,14 +30,16 @@ from emacm.calibration.left_out import (
     left_out,
     single_recordings,
 )
-from emacm.decisions.costs import cost_table, label_array, truth_labels, truth_priors
-from emacm.decisions.metrics import fraction_correct
-from emacm.decisions.typicality import (
-    Typicality,
-    fit_typicality,
+from emacm.decisions.costs import (
+    cost_table,
+    label_array,
     prior_for_rate,
+    truth_labels,
+    truth_priors,
     unknown_probability,
 )
+from emacm.decisions.metrics import fraction_correct
+from emacm.decisions.typicality import Typicality, fit_typicality
 
 
 def has_unknown(classifier: Any) -> bool:
@@ -95,7 +97,7 @@ class LeastRiskMixin:
         """Prior probability in effect of the unknown state; 0 if there is none.
 
         That of `priors`; or else the one that follows from `unknown_limit_`, without costs
-        (`emacm.decisions.typicality.prior_for_rate`); or else 0.01.
+        (`emacm.decisions.costs.prior_for_rate`); or else 0.01.
         """
         return self._truth_priors()[1]
 

@@ -13,11 +13,10 @@ from scipy.special import betaln
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer
 
-from emacm.calibration.left_out import upper_share
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import parts_of, search_estimator
 from emacm.decisions.risks import canonical_cost
-from emacm.decisions.typicality import distance_scales
+from emacm.decisions.typicality import distance_scales, upper_share
 from emacm.explanations.opened_pipelines import apply_step, column_responses
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.streams.streamed_models import StreamedModel

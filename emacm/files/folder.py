@@ -18,7 +18,8 @@ from emacm._checks import located
 from emacm.files.column_roles import recording_arguments, start_of
 from emacm.files.layout import Layout
 from emacm.files.readers import READERS, read_columns
-from emacm.recordings.digests import Recent, digest_of_file
+from emacm.recordings.digests import digest_of_file
+from emacm.recordings.inputs import Recent
 from emacm.recordings.names import printable
 from emacm.recordings.recording import CONTENT, Recording
 

@@ -12,7 +12,7 @@ from scipy import ndimage
 from scipy.stats import iqr
 
 from emacm._checks import check_number
-from emacm.findings.new_lines import line_heights
+from emacm.findings.training_range import line_heights
 from emacm.machine.fault_orders import FaultSeries, Parts, fault_series
 from emacm.orders.columns import OrderTableTransformer, column_names, parse_order_columns
 from emacm.recordings.inputs import check_channel_names, chosen_channels

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm.findings.new_lines import line_heights
+from emacm.findings.training_range import line_heights
 from emacm.machine.fault_lines import FaultLines, nearest_lines, resolution
 from emacm.machine.fault_orders import gears_and_orders
 from emacm.orders.columns import column_names, parse_order_columns

@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_number, group_codes
 from emacm._statements import Statement
-from emacm.findings.new_lines import KnownLines
+from emacm.findings.training_range import KnownLines
 from emacm.orders.bins import Band, bin_operator, named_bins
 from emacm.orders.columns import (
     BARE_CHANNEL,

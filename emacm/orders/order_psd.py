@@ -27,8 +27,8 @@ from emacm._version import __version__
 from emacm.orders.columns import BARE_CHANNEL, OrderTable, order_columns
 from emacm.orders.segment_plan import SegmentPlan
 from emacm.orders.welch import WelchEstimator, samples_per_revolution
-from emacm.recordings.digests import Recent, content_digest
-from emacm.recordings.inputs import as_list, described, refuse_single, run
+from emacm.recordings.digests import content_digest
+from emacm.recordings.inputs import Recent, as_list, described, refuse_single, run
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import (
     AngleRecording,

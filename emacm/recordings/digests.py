@@ -1,4 +1,4 @@
-"""Digests of arrays and files, and the values that were computed from them last."""
+"""Digests of arrays, files and models."""
 
 from __future__ import annotations
 
@@ -8,13 +8,10 @@ from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from hashlib import file_digest, sha256
 from numbers import Number
-from threading import Lock
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-Value = TypeVar("Value")
 
 
 def content_digest(facts: str, arrays: Iterable[NDArray[Any]]) -> str:
@@ -69,58 +66,6 @@ def digest_of_file(path: str | os.PathLike[str]) -> str:
 def _digest_of_file(path: str, size: int, written: int) -> str:
     with open(path, "rb") as file:
         return file_digest(file, "sha256").hexdigest()
-
-
-class Recent(Generic[Value]):
-    """Values by key, up to a number of bytes; the one that was not used for longest is dropped.
-
-    The key of a value that is computed from arrays is their digest, with the settings.
-
-    Parameters
-    ----------
-    bytes_limit : int
-        Limit of the sum of the sizes.
-
-    Examples
-    --------
-    >>> recent = Recent(100)
-    >>> recent.put("a", 1.0, 60)
-    >>> recent.put("b", 2.0, 60)
-    >>> recent.get("a"), recent.get("b")
-    (None, 2.0)
-    >>> recent.put("c", 3.0, 40)
-    >>> recent.get("b")
-    2.0
-    >>> recent.put("d", 4.0, 40)  # in place of "c", which was not used since
-    >>> recent.get("b"), recent.get("c"), recent.get("d")
-    (2.0, None, 4.0)
-    """
-
-    def __init__(self, bytes_limit: int) -> None:
-        self._limit, self._lock, self._bytes = bytes_limit, Lock(), 0
-        self._held: dict[Any, tuple[Value, int]] = {}
-
-    def get(self, key: Any) -> Value | None:
-        """Return the value of a key, or None if it is not kept."""
-        with self._lock:
-            if key not in self._held:
-                return None
-            self._held[key] = held = self._held.pop(key)  # the last to be dropped
-            return held[0]
-
-    def put(self, key: Any, value: Value, n_bytes: int) -> None:
-        """Keep a value of this size; nothing is kept that is larger than the limit."""
-        self.drop(key)
-        with self._lock:
-            self._held[key] = value, n_bytes
-            self._bytes += n_bytes
-            while self._bytes > self._limit:
-                self._bytes -= self._held.pop(next(iter(self._held)))[1]
-
-    def drop(self, key: Any) -> None:
-        """Drop the value of a key, if it is kept."""
-        with self._lock:
-            self._bytes -= self._held.pop(key, (None, 0))[1]
 
 
 _NO_RESULT = ("n_jobs", "memory", "verbose")  # parameters that change no result

@@ -1,6 +1,7 @@
 """The form of X: a list of recordings, with the channels they must have.
 
-What transforms them, and calls of a function for each, in parallel and with their progress.
+What transforms them; calls of a function for each, in parallel and with their progress; and the
+latest results of such calls.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from functools import partial
 from pathlib import PurePath
-from typing import Any, Self
+from threading import Lock
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -26,6 +28,8 @@ from emacm.recordings.names import check_channel_names as check_channel_names
 from emacm.recordings.names import chosen_channels as chosen_channels
 from emacm.recordings.names import printable
 from emacm.recordings.recording import Recording
+
+Value = TypeVar("Value")
 
 
 def as_list(X: Any) -> list[Any]:
@@ -320,3 +324,55 @@ def _bar() -> Any:
     except ImportError:
         return None
     return tqdm
+
+
+class Recent(Generic[Value]):
+    """Values by key, up to a number of bytes; the one that was not used for longest is dropped.
+
+    The key of a value that is computed from arrays is their digest, with the settings.
+
+    Parameters
+    ----------
+    bytes_limit : int
+        Limit of the sum of the sizes.
+
+    Examples
+    --------
+    >>> recent = Recent(100)
+    >>> recent.put("a", 1.0, 60)
+    >>> recent.put("b", 2.0, 60)
+    >>> recent.get("a"), recent.get("b")
+    (None, 2.0)
+    >>> recent.put("c", 3.0, 40)
+    >>> recent.get("b")
+    2.0
+    >>> recent.put("d", 4.0, 40)  # in place of "c", which was not used since
+    >>> recent.get("b"), recent.get("c"), recent.get("d")
+    (2.0, None, 4.0)
+    """
+
+    def __init__(self, bytes_limit: int) -> None:
+        self._limit, self._lock, self._bytes = bytes_limit, Lock(), 0
+        self._held: dict[Any, tuple[Value, int]] = {}
+
+    def get(self, key: Any) -> Value | None:
+        """Return the value of a key, or None if it is not kept."""
+        with self._lock:
+            if key not in self._held:
+                return None
+            self._held[key] = held = self._held.pop(key)  # the last to be dropped
+            return held[0]
+
+    def put(self, key: Any, value: Value, n_bytes: int) -> None:
+        """Keep a value of this size; nothing is kept that is larger than the limit."""
+        self.drop(key)
+        with self._lock:
+            self._held[key] = value, n_bytes
+            self._bytes += n_bytes
+            while self._bytes > self._limit:
+                self._bytes -= self._held.pop(next(iter(self._held)))[1]
+
+    def drop(self, key: Any) -> None:
+        """Drop the value of a key, if it is kept."""
+        with self._lock:
+            self._bytes -= self._held.pop(key, (None, 0))[1]

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.stats import norm
 
-from emacm.calibration.left_out import student_tail
+from emacm.decisions.typicality import student_tail
 
 VALUES = st.lists(st.floats(-50, 50), min_size=1, max_size=40)
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
 
-from emacm.decisions.typicality import evidence_for_unknown, unknown_probability
+from emacm.decisions.costs import evidence_for_unknown, unknown_probability
 
 
 @pytest.mark.parametrize("rate", [None, 0.01, 0.4])
