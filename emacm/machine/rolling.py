@@ -248,10 +248,11 @@ def published_bearings() -> pd.DataFrame:
     it is not 0; all published orders of the bearings listed agree with it. Sources
     "by bearing-datasets" were read in that package, which cites the tables of the data sets.
 
-    Left out: 305K of Timken contradicts itself, 306K repeats 304K; the pitch diameter of 30204
-    in the University of Seoul data is 7 % above the mean of bore and outer diameter. Series 72 is
-    missing, because makers fill it differently: in the size of 7205, SNFA (E 225) has 12 balls
-    and GMN (S 6205) 13. Of NU2 and 222, few sizes have a source that could be read.
+    Left out: 305K of Timken contradicts itself, 306K repeats 304K, and 9105 (6005) repeats 205K;
+    the pitch diameter of 30204 in the University of Seoul data is 7 % above the mean of bore and
+    outer diameter. Series 72 is missing, because makers fill it differently: in the size of 7205,
+    SNFA (E 225) has 12 balls and GMN (S 6205) 13. Of NU2 and 222, few sizes have a source that
+    could be read.
 
     Examples
     --------
