@@ -92,3 +92,18 @@ def test_parts_in_files_have_designations_and_angles_in_degrees(tmp_path):
 def test_the_orders_that_a_source_states_follow_from_the_geometry(designation, published):
     orders = [line.order for line in bearing_of(designation).lines()]
     assert orders[: len(published)] == pytest.approx(published, rel=0.002)
+
+
+NSK = """6007 14.8 10300, 6008 15.3 11500, 6009 15.3 15200, 6010 15.6 16600, 6215 14.7 49500,
+6216 14.6 53000, 6217 14.5 62000, 6218 14.5 71500, 6219 14.4 82000, 6220 14.4 93000,
+6300 11.2 3450, 6301 11.1 4200, 6302 12.3 5450, 6306 13.3 15000, 6313 13.2 60000"""
+
+
+def test_number_and_size_of_the_balls_follow_from_the_load_ratings_of_the_catalogue():
+    ratings = {name: (f0, c0r) for name, f0, c0r in map(str.split, NSK.split(","))}
+    table = published_bearings()
+    assert set(ratings) == set(table.index[table["source"].str.contains("by the load ratings")])
+    for name, (f0, c0r) in ratings.items():  # C0r = f0 n BD^2, ISO 76
+        balls = bearing_of(name)
+        product = balls.n_balls * balls.ball_diameter**2
+        assert product == pytest.approx(float(c0r) / float(f0), rel=0.01)
