@@ -244,10 +244,18 @@ def published_bearings() -> pd.DataFrame:
     Notes
     -----
     Where the source gives orders, as the table of Timken for ball bearings by the size of their
-    outer ring does, the ratio of both diameters is derived from them; all published orders of the
-    bearings listed agree with it. Two sizes of that table are left out: 305K contradicts itself,
-    306K repeats 304K. Series 72 is missing, because makers fill it differently: in the size of
-    7205, SNFA (E 225) has 12 balls and GMN (S 6205) 13. For NU2 and 222, no source was found.
+    outer ring does, the ratio of both diameters is derived from them, and the contact angle where
+    it is not 0; all published orders of the bearings listed agree with it. Sources
+    "by bearing-datasets" were read in that package, which cites the tables of the data sets. Where
+    the source is load ratings, n BD² = C0r / f0 (ISO 76), which the catalogue of NSK states; with
+    balls of multiples of 1/64 inch, and PD the mean of bore and outer diameter, only one n agrees
+    with f0, a function of BD / PD, and with Cr (ISO 281).
+
+    Left out: 305K of Timken contradicts itself, 306K repeats 304K, and 9105 (6005) repeats 205K;
+    the pitch diameter of 30204 in the University of Seoul data is 7 % above the mean of bore and
+    outer diameter; the ratings of 6305 differ by 14 % between NSK and SKF. Series 72 is missing,
+    because makers fill it differently: in the size of 7205, SNFA (E 225) has 12 balls and GMN
+    (S 6205) 13. Of NU2 and 222, few sizes have a source that could be read.
 
     Examples
     --------

@@ -23,7 +23,16 @@ from emacm.reports.inputs import read_parts
         ("16004", None),  # thin section
         ("63004", None),  # wide
         ("7205 B", None),  # a contact angle that no source here states
-        ("NU205", None),
+        ("7314 BEP", "7314B"),
+        ("7314 C", None),
+        ("SKF NU205 ECP", "NU205"),
+        ("nu 206-e-xl-tvp2", "NU206"),
+        ("FAG NU2205-E", "NU2205"),
+        ("NU 207", None),
+        ("FAG 22205-E1-K-C3", "22205"),
+        ("SKF 2303 E-2RS1TN9", "2303"),
+        ("SKF 23032 CC/W33", None),  # a spherical roller bearing of series 230
+        ("NTN 204", None),  # not N204 with a maker NT
         ("62O5", None),
     ],
 )
@@ -47,7 +56,7 @@ def test_makers_differ_by_less_than_the_slip_where_the_number_of_balls_is_the_sa
 
 
 def test_an_unknown_designation_lists_the_known_ones_and_the_unit_of_the_angle():
-    with pytest.raises(ValueError, match=r"one of 22228, 6000.*contact angle in degrees.*'7205'"):
+    with pytest.raises(ValueError, match=r"one of 1205, 22205, .*contact angle in degrees.*'7205'"):
         bearing_of("7205")
 
 
@@ -68,3 +77,33 @@ def test_parts_in_files_have_designations_and_angles_in_degrees(tmp_path):
         path.write_text(f'[[Bearing]]\ndesignation = "6205"\n{text}\n')
         with pytest.raises(ValueError, match=message):
             read_parts(path)
+
+
+@pytest.mark.parametrize(
+    ("designation", "published"),
+    [
+        ("22205", (6.1852, 8.8148, 2.7015, 0.4123)),  # FAG 22205E1KC3
+        ("2303", (3.4222, 5.5778, 1.8561, 0.3802)),  # FAG 2303-TVH
+        ("NU205", (5.2325, 7.7675)),
+        ("NU206", (5.24, 7.76, 2.49)),  # Schaeffler NU206-E-XL-TVP2
+        ("ER-12K", (3.048, 4.95, 1.992)),
+    ],
+)
+def test_the_orders_that_a_source_states_follow_from_the_geometry(designation, published):
+    orders = [line.order for line in bearing_of(designation).lines()]
+    assert orders[: len(published)] == pytest.approx(published, rel=0.002)
+
+
+NSK = """6007 14.8 10300, 6008 15.3 11500, 6009 15.3 15200, 6010 15.6 16600, 6215 14.7 49500,
+6216 14.6 53000, 6217 14.5 62000, 6218 14.5 71500, 6219 14.4 82000, 6220 14.4 93000,
+6300 11.2 3450, 6301 11.1 4200, 6302 12.3 5450, 6306 13.3 15000, 6313 13.2 60000"""
+
+
+def test_number_and_size_of_the_balls_follow_from_the_load_ratings_of_the_catalogue():
+    ratings = {name: (f0, c0r) for name, f0, c0r in map(str.split, NSK.split(","))}
+    table = published_bearings()
+    assert set(ratings) == set(table.index[table["source"].str.contains("by the load ratings")])
+    for name, (f0, c0r) in ratings.items():  # C0r = f0 n BD^2, ISO 76
+        balls = bearing_of(name)
+        product = balls.n_balls * balls.ball_diameter**2
+        assert product == pytest.approx(float(c0r) / float(f0), rel=0.01)
