@@ -498,7 +498,8 @@ class FaultLines(OrderTableTransformer):
     to 3 dB, because the largest of several lines is taken.
 
     The segments should be long: 25 revolutions separate the lines of most bearings. For faults of
-    rolling bearings the spectra are those of the envelope (`EnvelopeDetector`).
+    rolling bearings the spectra are those of the envelope (`EnvelopeDetector`). A line that is not
+    of damage, such as that of the hunting tooth, is left out where they do not resolve it.
 
     Columns are named ``channel@BPFI``.
 
@@ -558,9 +559,11 @@ class FaultLines(OrderTableTransformer):
                 "FaultLines needs order spectra whose columns are named channel@order, as OrderPSD "
                 "returns them. Put FaultLines after OrderPSD, or pass a DataFrame with such names."
             )
-        series = fault_series(self.parts, self.harmonics)
         self.channels_ = chosen_channels(self.channels, [*blocks])
         check_channel_names([*blocks], self.channels_, "X")
+        series = fault_series(self.parts, self.harmonics)
+        above = resolved(series, blocks[self.channels_[0]].orders)
+        series = tuple(fault for fault in series if fault.of_damage or fault in above)
         self.faults_ = tuple(fault.name for fault in series)
         self._levels = {}
         for channel, orders, columns in (blocks[name] for name in self.channels_):

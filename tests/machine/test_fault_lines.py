@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from emacm import Bearing, FaultLines
+from emacm import Bearing, FaultLines, Gear
 from emacm.machine.fault_lines import LineLevels
 from emacm.machine.fault_orders import FaultSeries, fault_series
 
@@ -78,6 +78,11 @@ def test_what_cannot_be_measured_is_refused(options, words):
         lines.fit(table(spectrum([])))
     for word in words:
         assert word in str(refusal.value)
+
+
+def test_the_hunting_tooth_is_left_out_where_the_spectra_do_not_resolve_it():
+    gear = Gear(5, 12)  # at order 1/12: two lines of the axis
+    assert FaultLines(gear).fit(table(spectrum([]))).faults_ == ("mesh", "pinion", "wheel")
 
 
 def test_the_background_is_the_median_around_each_line_and_mirrored_at_the_ends():
