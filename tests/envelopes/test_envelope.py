@@ -69,16 +69,7 @@ def test_beyond_its_ends_the_signal_is_its_mirror_image():
 
 
 @pytest.mark.parametrize(
-    "key",
-    [
-        slice(100, 4000),
-        slice(7, 9),
-        slice(3, 5000, 3),
-        slice(300, 100),
-        5,
-        -1,
-    ],
-    ids=str,
+    "key", [slice(100, 4000), slice(7, 9), slice(3, 5000, 3), slice(300, 100), 5, -1], ids=str
 )
 def test_what_is_read_in_part_is_what_the_whole_has_there(key):
     signal = noise(5000)

@@ -104,14 +104,7 @@ def test_every_length_is_whitened(n_times):
 
 
 @pytest.mark.parametrize("single", [False, True])
-@pytest.mark.parametrize(
-    "key",
-    [
-        slice(4000, 4100),
-        slice(69_000, None),
-    ],
-    ids=str,
-)
+@pytest.mark.parametrize("key", [slice(4000, 4100), slice(69_000, None)], ids=str)
 def test_what_is_read_in_part_is_what_the_whole_has_there(key, single):
     signal = noise(70_001).astype(np.float32 if single else np.float64)
     expected = prewhitened(signal, FS)[key]

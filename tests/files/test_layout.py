@@ -92,11 +92,7 @@ def test_an_angle_may_be_wrapped_and_in_any_unit(tmp_path, unit, period, wrapped
         ({"velocity": "rpm"}, {"rpm": ANGLE}, r"the unit of 'rpm' is not stated"),
         ({"velocity": "n"}, {"c": ANGLE}, r"no column 'n'; .* may give several names: 'n\|b'"),
         ({"velocity": "n|m"}, {"c": ANGLE}, r"no column 'n\|m'"),
-        (
-            {"angle": "deg"},
-            {"deg": ANGLE},
-            r"than rad\. State it .* \[units\]: 'deg' = 'deg'",
-        ),
+        ({"angle": "deg"}, {"deg": ANGLE}, r"than rad\. State it .* \[units\]: 'deg' = 'deg'"),
         ({"velocity": "3 knots"}, {}, "known are 'rad/s', 'rpm', 'rev/s', 'deg/s'"),
         ({"velocity": "n*"}, {"n1": ANGLE, "n2": ANGLE}, "matches several columns"),
         ({"velocity": "n [Hz]"}, {"n [rpm]": ANGLE}, "unit 'hz' for 'n', but the file"),

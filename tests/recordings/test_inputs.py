@@ -17,11 +17,7 @@ from emacm import (
     RecordingStatistics,
 )
 from emacm.orders.columns import OrderTable, order_columns
-from emacm.recordings.inputs import (
-    as_list,
-    as_recordings,
-    check_channels,
-)
+from emacm.recordings.inputs import as_list, as_recordings, check_channels
 
 
 def run(*channels, **meta):

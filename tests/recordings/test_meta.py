@@ -8,11 +8,7 @@ import pytest
 from sklearn.linear_model import LogisticRegression
 
 from emacm import ConditionRouter, Recording
-from emacm.recordings.meta import (
-    plain_label,
-    read_grouping,
-    read_meta,
-)
+from emacm.recordings.meta import plain_label, read_grouping, read_meta
 
 
 def runs(*metas):
@@ -39,8 +35,7 @@ def test_a_key_a_tuple_and_a_function_read_the_same_values(X):
 
 
 @pytest.mark.parametrize(
-    "values",
-    [[7, 3, 5], np.array([7, 3, 5]), pd.Series([7, 3, 5]), pd.Index([7, 3, 5])],
+    "values", [[7, 3, 5], np.array([7, 3, 5]), pd.Series([7, 3, 5]), pd.Index([7, 3, 5])]
 )
 def test_an_array_is_read_as_it_is(values):
     assert read_meta(FLEET, values, arrays=True) == [7, 3, 5]

@@ -31,10 +31,7 @@ MOTIONS = {
         lambda t: TURN * 15 * t + 8 * (1 - np.cos(TURN * t)),
         lambda t: TURN * (15 + 8 * np.sin(TURN * t)),
     ),
-    "reversing": (
-        lambda t: 48 * (1 - np.cos(np.pi * t)),
-        lambda t: TURN * 24 * np.sin(np.pi * t),
-    ),
+    "reversing": (lambda t: 48 * (1 - np.cos(np.pi * t)), lambda t: TURN * 24 * np.sin(np.pi * t)),
 }
 REFERENCES = {
     "angle": lambda angle, velocity: {"angle": angle},

@@ -171,10 +171,7 @@ def test_a_current_that_is_weak_for_a_while_is_bridged():
 
 @pytest.mark.parametrize(
     ("values", "period", "words"),
-    [
-        ("degrees", 2 * np.pi, "360 for degrees"),
-        ("counts", 4096, "number of counts"),
-    ],
+    [("degrees", 2 * np.pi, "360 for degrees"), ("counts", 4096, "number of counts")],
 )
 def test_an_angle_that_spans_more_than_its_period_cannot_be_wrapped_at_it(values, period, words):
     turned = 300 * np.arange(2000) / 1000

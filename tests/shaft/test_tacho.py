@@ -11,11 +11,7 @@ from hypothesis import strategies as st
 from motions import FS, TIME, TURN, turned
 from scipy.interpolate import CubicSpline
 
-from emacm.shaft.tacho import (
-    angle_from_pulses,
-    angle_from_tacho,
-    pulse_times,
-)
+from emacm.shaft.tacho import angle_from_pulses, angle_from_tacho, pulse_times
 
 one_way = pytest.mark.parametrize("motion", ["constant", "ramp", "sinusoidal"])
 

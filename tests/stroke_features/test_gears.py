@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 
 from emacm import GearIndicators, OrderResampler, Recording, SynchronousAverage
-from emacm.stroke_features.gears import (
-    phase_modulation,
-    residual_signal,
-)
+from emacm.stroke_features.gears import phase_modulation, residual_signal
 from emacm.stroke_features.statistics import normalized_moment
 
 TURN = 2 * np.pi

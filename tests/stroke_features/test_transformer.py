@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from sklearn.base import clone
 
-from emacm import (
-    OrderResampler,
-    Recording,
-    RecordingStatistics,
-    ShaftHarmonics,
-    StrokeProfile,
-)
+from emacm import OrderResampler, Recording, RecordingStatistics, ShaftHarmonics, StrokeProfile
 
 TURN = 2 * np.pi
 THETA_S = TURN / 32
