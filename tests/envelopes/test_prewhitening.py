@@ -118,9 +118,7 @@ def test_float32_stays_float32():
 
 
 def test_the_chosen_channels_alone_are_whitened():
-    run = Recording(
-        {"torque": noise(), "sound": coloured()}, FS, velocity=np.full(N_TIMES, 9.0), meta={"u": 1}
-    )
+    run = Recording({"torque": noise(), "sound": coloured()}, FS, velocity=9.0, meta={"u": 1})
     step = CepstralPrewhitening(channels=["sound"]).fit([run])
     assert list(step.get_feature_names_out()) == ["torque", "sound"]
     (white,) = step.transform([run])

@@ -172,9 +172,7 @@ def test_a_table_of_meta_may_have_semicolons_but_must_name_the_files(tmp_path):
     (tmp_path / "meta.csv").write_text("file;unit\na.csv;001\n", encoding="utf-8-sig")
     assert Layout(velocity=1.0, meta=str(tmp_path / "meta.csv")).meta_of("a.csv") == {"unit": "001"}
     (tmp_path / "meta.csv").write_text("name,unit\na.csv,001\n")
-    with pytest.raises(
-        ValueError, match=r"meta.csv' has no column 'file', only \['name', 'unit'\]"
-    ):
+    with pytest.raises(ValueError, match=r"meta.csv' has no column 'file', only \['name"):
         Layout(velocity=1.0, meta=str(tmp_path / "meta.csv"))
 
 

@@ -78,12 +78,9 @@ def test_a_window_may_be_an_array_as_in_welch():
 )
 def test_every_overlap_is_that_of_welch(length, overlap, n_angles, average):
     signal = noise(n_angles, seed=1)
-    ours = order_psd(
-        signal, 32, n_per_segment=length, overlap=overlap, average=average, detrend=None
-    )
-    theirs = filters.welch(
-        signal, 32, nperseg=length, noverlap=int(overlap * length), average=average, detrend=False
-    )
+    both = {"average": average, "detrend": False}
+    ours = order_psd(signal, 32, n_per_segment=length, overlap=overlap, **both)
+    theirs = filters.welch(signal, 32, nperseg=length, noverlap=int(overlap * length), **both)
     assert_same_spectrum(ours, theirs)
 
 

@@ -117,9 +117,8 @@ def gains(resampled, angles, orders):
 
 def power_up_to(top, resampled, samples_per_rev):
     """Power of each row in orders up to `top`, away from the ends."""
-    orders, psd = order_psd(
-        resampled[..., 60:-60], samples_per_rev, revolutions=8, window="blackmanharris"
-    )
+    options = {"revolutions": 8, "window": "blackmanharris"}
+    orders, psd = order_psd(resampled[..., 60:-60], samples_per_rev, **options)
     return psd[..., orders <= top].sum(axis=-1) * orders[1]
 
 

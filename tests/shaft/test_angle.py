@@ -54,9 +54,8 @@ def test_velocity_in_float32_is_summed_in_float64():
 @pytest.mark.parametrize("period", [360, 4096])
 def test_wrapped_angle_in_degrees_or_counts_comes_out_in_radians(period):
     wrapped = np.mod(turned("reversing") / TURN * period, period)
-    np.testing.assert_allclose(
-        angle_from_wrapped(wrapped, period=period), turned("reversing"), atol=1e-11
-    )
+    found = angle_from_wrapped(wrapped, period=period)
+    np.testing.assert_allclose(found, turned("reversing"), atol=1e-11)
 
 
 @given(st.floats(-3, 3), st.lists(st.floats(-3.1, 3.1), min_size=1, max_size=100))
@@ -83,10 +82,8 @@ def test_an_angle_with_small_steps_or_a_wide_span_is_not_wrapped(angle):
 @every_motion
 @pytest.mark.parametrize("pole_pairs", [1, 4])
 def test_a_perfect_resolver_gives_the_motion(motion, pole_pairs):
-    electrical = pole_pairs * turned(motion)
-    angle = angle_from_resolver(
-        3 * np.sin(electrical), 3 * np.cos(electrical), pole_pairs=pole_pairs
-    )
+    phase = pole_pairs * turned(motion)
+    angle = angle_from_resolver(3 * np.sin(phase), 3 * np.cos(phase), pole_pairs=pole_pairs)
     assert np.abs(angle - turned(motion)).max() < 1e-11
 
 

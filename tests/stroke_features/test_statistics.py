@@ -75,9 +75,7 @@ def test_a_slope_lets_each_stroke_have_a_level_of_its_own():
 
 
 def test_a_constant_channel_is_named_with_its_strokes():
-    with pytest.raises(
-        ValueError, match="recording 0: channel 'current', forward strokes: the kurtosis of a"
-    ):
+    with pytest.raises(ValueError, match=r"recording 0: channel 'current', forward .* kurtosis"):
         described(np.full(SPEED.size, 2.0))
 
 
