@@ -31,9 +31,7 @@ def fleet(n_units, n_each, rng, spread=2.0):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings(
-    "ignore:without groups", "ignore:.* are those of fit", "ignore:the base"
-)
+@pytest.mark.filterwarnings("ignore:without groups", "ignore:.* those of fit", "ignore:the base")
 @parametrize_with_checks([HealthIndex()])
 def test_scikit_learns_checks_pass(estimator, check):
     check(estimator)
@@ -182,9 +180,7 @@ def test_rows_of_fit_are_no_baseline_of_a_chart():
             known = index.transform(np.vstack([healthy, new[:1]]))[:20]
         left = index.left_out_[["index"]].to_numpy()
         charts = [CUSUM(0.5, 5.0).fit(x) for x in (known, left)]
-        alarmed.append(
-            [chart.update(np.asarray(index.transform(new))).alarm.any() for chart in charts]
-        )
+        alarmed.append([c.update(np.asarray(index.transform(new))).alarm.any() for c in charts])
     assert np.mean(alarmed, axis=0)[0] > 0.8
     assert np.mean(alarmed, axis=0)[1] < 0.5
 

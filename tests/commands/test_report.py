@@ -127,9 +127,7 @@ def test_a_history_gives_the_page_of_the_fleet_with_links_to_recordings(here):
         assert '<a href="./fleet.html">' in (folder / "index.html").read_text(encoding="utf-8")
         fleet = (folder / "fleet.html").read_text(encoding="utf-8")
         (unit,) = re.findall(r'<td><a href="\./(unit_A_\w+\.html)">A</a></td>', fleet)
-        links = re.findall(
-            r'<a href="\./([^"]*)">new/', (folder / unit).read_text(encoding="utf-8")
-        )
+        links = re.findall(r'<a href="\./([^"]*)">new/', (folder / unit).read_text("utf-8"))
         assert sorted(links) == ["A_healthy_0.html", "A_healthy_1.html", "A_worn_2.html"]
         assert all((folder / link).is_file() for link in links)
 

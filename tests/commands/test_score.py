@@ -162,9 +162,7 @@ def test_costs_and_priors_are_those_of_the_command(here, capsys):
     assert run("--cost", "cost.csv", "--priors", "ok=0.999999,worn=0.000001") == 0
     printed = capsys.readouterr()
     assert (pd.read_csv(io.StringIO(printed.out))["decision"] == "ok").all()
-    assert (
-        "cost.csv: if 'worn' is true, deciding 'ok' costs 0, the right decision 1:" in printed.err
-    )
+    assert "cost.csv: if 'worn' is true, deciding 'ok' costs 0, the right decision 1" in printed.err
     Path("cost.csv").write_text("decision;ok;worn\nok;0;10,5\n")
     assert run("--cost", "cost.csv") == 0
     text = "cost.csv: it has no row for the decision 'worn', which is then never made"

@@ -156,10 +156,7 @@ def test_an_invalid_command_is_status_2_and_one_line(here, capsys, options, mess
 
 @pytest.mark.parametrize(
     "arguments",
-    [
-        ["train", *REQUIRED, "--out", "none/model.emacm"],
-        ["inspect", "run.csv", "--draft", "none/layout.toml"],
-    ],
+    [["train", *REQUIRED, "--out", "none/m"], ["inspect", "run.csv", "--draft", "none/l.toml"]],
 )
 def test_a_missing_folder_of_the_result_is_an_error_at_once(
     tmp_path, monkeypatch, capsys, arguments
@@ -234,9 +231,7 @@ def test_a_channel_that_harms_is_named(tmp_path, monkeypatch, capsys):
             useless = 0.01 * noise[1] + gains @ np.sin(np.outer(np.arange(1.5, 16), angle))
             path = f"files/U{unit}_{('healthy', 'worn')[unit % 2]}_{run}.npz"
             np.savez(path, **{"drive end": useful, "drive": useless})
-    Path("layout.toml").write_text(
-        'fs = 1280\nvelocity = "960 rpm"\nmeta = "{unit}_{state}_{run:d}"\n'
-    )
+    Path("layout.toml").write_text('fs = 1280\nvelocity = "960 rpm"\nmeta = "{unit}_{state}_{run}"')
     assert train("--max-order", "16", "--revolutions", "4") == 0
     printed = capsys.readouterr().out
     assert re.findall("^- Without (.*) the decisions cost less", printed, re.M) == ["drive"]

@@ -150,8 +150,5 @@ def test_a_shift_far_larger_than_the_scatter_warns():
     match = r"features of its 5 recordings differ from the healthy means by \d+(\.\d)? times"
     with pytest.warns(UserWarning, match=match) as caught:
         baseline.fit(runs, ["worn"] * 10)
-    assert [str(each.message).partition(":")[0] for each in caught] == [
-        "condition 20",
-        "condition 40",
-    ]
+    assert [str(each.message)[:12] for each in caught] == ["condition 20", "condition 40"]
     baseline.set_params(baseline_recordings=runs[:2]).fit(runs, ["worn"] * 10)  # alike: no warning

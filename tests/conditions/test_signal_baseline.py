@@ -103,9 +103,7 @@ def test_strokes_are_cut_to_where_healthy_ones_have_been():
 
 def test_a_recording_where_no_healthy_one_has_been_says_so():
     X = over_angle([run()])
-    (left,) = (
-        SignalBaseline().fit(X, ["healthy"] * len(X)).transform(over_angle([run(offset=500.0)]))
-    )
+    (left,) = SignalBaseline().fit(X, ["healthy"]).transform(over_angle([run(offset=500.0)]))
     with pytest.raises(ValueError, match=r"start at 500.* healthy recordings of load=20"):
         left.strokes  # noqa: B018
     with pytest.raises(ValueError, match=r"recording 0 \(load=20\): no stroke of it"):

@@ -112,9 +112,8 @@ def test_a_line_is_stated_with_its_bin_and_its_level_above_the_training_maximum(
     value, baseline = (table.attrs[name] for name in ("value", "baseline_value"))
     assert table["contribution"].sum() == pytest.approx(value - baseline)
     X = [run(seed, worn=seed % 2 == 1) for seed in range(24)]
-    bins = model[:3].transform([*X, recording])[
-        :, model[2].get_feature_names_out() == "vibration@9-10"
-    ]
+    is_line = model[2].get_feature_names_out() == "vibration@9-10"
+    bins = model[:3].transform([*X, recording])[:, is_line]
     expected = 10 * np.log10(bins[-1, 0] / bins[:-1, 0].max())
     assert words == f"orders 9 to 10 of 'vibration' {expected:.2g} dB above the training maximum"
 

@@ -75,9 +75,7 @@ def test_a_load_that_was_not_in_the_training_is_stated(load, texts):
     assert [statement.text for statement in found] == texts
 
 
-@pytest.mark.parametrize(
-    ("factor", "unit"), [(30 / np.pi, "rpm"), (0.5 / np.pi, "revolutions per second")]
-)
+@pytest.mark.parametrize(("factor", "unit"), [(30 / np.pi, "rpm"), (0.5 / np.pi, "revolutions")])
 def test_a_speed_in_another_unit_is_stated_with_that_unit(factor, unit):
     text = about(run(9, speed=SPEED * factor))
     way = "above" if factor > 1 else "below"
