@@ -192,10 +192,7 @@ NARROW = np.zeros(1 + (1 << 25), np.uint8)
 EXTERNAL = {"shape": (8,), "external": [("/etc/passwd", 0, 64)]}
 REFUSED = {
     "long line.csv": (lambda path: path.write_text("1," * 90_000), "line 1 has more than 100000"),
-    "same name.npz": (
-        partial(npz_of, names=["a", "a.npy"]),
-        r"must have different names, got \['a', 'a'\]",
-    ),
+    "same name.npz": (partial(npz_of, names=["a", "a.npy"]), r"different names, got \['a', 'a'\]"),
     "8 TB.h5": (lambda path: hdf5_of(path, shape=(10**12,), chunks=True), "arrays of 8000 GB"),
     "huge.npz": (partial(npz_of, names=["b.npy"], stated=1 << 30), "made to fill"),
     "huge.mat": (partial(savemat, mdict={"b": NARROW}, do_compression=True), "made to fill"),
@@ -230,18 +227,13 @@ def test_the_last_row_of_a_text_without_its_line_end_is_left_out(tmp_path, line_
     for last, count in (("3,500.00\n", 3), ("3,500.00", 2), ("3,5", 2), ("3,-", 2), ("3", 2)):
         text = f"b,c [°]\n1,500.00\n2,500.00\n{last}"
         path.write_text(text, encoding=encoding, newline=line_end)
-        with (
-            pytest.warns(UserWarning, match=r"a\.csv: .*no line end")
-            if count == 2
-            else nullcontext()
-        ):
+        stated = pytest.warns(UserWarning, match=r"a.csv: .*line") if count == 2 else nullcontext()
+        with stated:
             signals = open_recording(path, FREE).signals
         assert signals["c"].tolist() == [500.0] * count
 
 
-@pytest.mark.parametrize(
-    "line", [" " * 90_000, "x" + " " * 90_000, "[" * 90_000, "x 1" + ";" * 90_000]
-)
+@pytest.mark.parametrize("line", [" " * 9**5, "x" + " " * 9**5, "[" * 9**5, "x 1" + ";" * 9**5])
 def test_a_long_line_above_the_header_takes_no_time(tmp_path, line):
     (tmp_path / "a.csv").write_text(f"{line}\n# fs: 50 Hz\nb\n1\n2\n")
     assert open_recording(tmp_path / "a.csv", Layout(velocity=3)).duration == 0.04
@@ -443,11 +435,9 @@ def monitored(plant, tmp_path, capsys):
     def follow(rows=None, *options, every="1", idle="0"):
         if rows is not None:
             (tmp_path / "log.csv").write_text("time,vib,speed\n" + "".join(rows))
-        arguments = ["--layout", str(plant / "layout.toml"), "--max-speed", "100 rad/s"]
-        arguments += ["--every", every, "--unit", "s", "--idle", idle, *options]
-        status = main(
-            ["monitor", str(plant / "model.emacm"), str(tmp_path / "log.csv"), *arguments]
-        )
+        others = ["--layout", str(plant / "layout.toml"), "--max-speed", "100 rad/s"]
+        others += ["--every", every, "--unit", "s", "--idle", idle, *options]
+        status = main(["monitor", str(plant / "model.emacm"), str(tmp_path / "log.csv"), *others])
         out, err = capsys.readouterr()
         return status, [json.loads(line) for line in out.splitlines()], err
 
