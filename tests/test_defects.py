@@ -18,13 +18,13 @@ from urllib.parse import unquote
 
 import numpy as np
 import pytest
+from order_models import order_bins
 from scipy.io import savemat
 from sklearn.base import clone
 from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
 
 from emacm import (
-    BinTransformer,
     CostSensitiveGaussianBayes,
     Layout,
     LeastRiskClassifier,
@@ -140,7 +140,7 @@ def test_overflow_offsets_and_short_drop_outs_are_named_and_nothing_else(values,
 def test_a_monitor_names_a_channel_that_begins_to_overflow():
     force, speed = np.random.default_rng(0).standard_normal((12, 8000)), np.full(8000, 60.0)
     force = force / 20 + np.sin(np.arange(8000) / 30)
-    model = make_pipeline(OrderResampler(), OrderPSD(4), BinTransformer(max_order=2), BAYES)
+    model = order_bins(BAYES, samples=128, max_order=2)
     model.fit([Recording({"x": x}, 2000, velocity=speed) for x in force[:10]], ["a", "b"] * 5)
     monitor = OrderMonitor(model, fs=2000, channels=["x"], max_speed=100)
     alarms = []
@@ -416,9 +416,8 @@ def plant(tmp_path_factory):
     rng, X = np.random.default_rng(0), []
     for k in range(10):
         X.append(Recording({"vib": (1 + k % 2) * rng.normal(size=2000)}, 1000, velocity=90.0))
-    steps = OrderResampler(2 * np.pi / 24), OrderPSD(2), BinTransformer(1, max_order=6)
     bayes = CostSensitiveGaussianBayes(covariance="diag")
-    model = make_pipeline(*steps, bayes).fit(X, ["ok", "worn"] * 5)
+    model = order_bins(bayes, samples=24, revolutions=2, max_order=6).fit(X, ["ok", "worn"] * 5)
     save_model(model, folder / "model.emacm")
     return folder
 

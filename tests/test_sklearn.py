@@ -5,12 +5,13 @@ import numpy as np
 import pandas as pd
 import polars as pl
 import pytest
+from order_models import log, order_bins
 from sklearn.decomposition import PCA
 from sklearn.exceptions import NotFittedError
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from sklearn.preprocessing import StandardScaler
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 import emacm
@@ -56,16 +57,8 @@ def fleet():
 
 
 def monitoring(**options):
-    return make_pipeline(
-        OrderResampler(THETA_S),
-        OrderPSD(4),
-        BinTransformer(1, max_order=12),
-        FunctionTransformer(np.log10, feature_names_out="one-to-one"),
-        StandardScaler(),
-        PCA(3),
-        CostSensitiveGaussianBayes(COST, shrinkage="oas"),
-        **options,
-    )
+    bayes = CostSensitiveGaussianBayes(COST, shrinkage="oas")
+    return order_bins(log(), StandardScaler(), PCA(3), bayes, **options)
 
 
 @pytest.fixture(scope="module")

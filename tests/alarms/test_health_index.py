@@ -3,12 +3,13 @@
 import numpy as np
 import pandas as pd
 import pytest
+from order_models import log, order_bins
 from scipy.signal import lfilter
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from emacm import BinTransformer, OrderPSD, OrderResampler, Recording, load_model, save_model
+from emacm import Recording, load_model, save_model
 from emacm.alarms.stationarity import instability
 from emacm.displays import TrendDisplay
 from emacm.monitoring import CUSUM, HealthIndex, health_trend
@@ -265,13 +266,7 @@ def recording(seed, unit, day, wear=0.0, n=3000):
 
 
 def pipeline():
-    return make_pipeline(
-        OrderResampler(2 * np.pi / 18),
-        OrderPSD(4),
-        BinTransformer(1, max_order=6),
-        FunctionTransformer(np.log),
-        HealthIndex(0.1),
-    )
+    return order_bins(log(), HealthIndex(0.1), samples=18, max_order=6)
 
 
 @pytest.fixture(scope="module")

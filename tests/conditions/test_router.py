@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from order_models import log, order_bins
 from sklearn.base import BaseEstimator, ClassifierMixin, clone
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LinearRegression, LogisticRegression
@@ -12,19 +13,14 @@ from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.svm import LinearSVC
 
 from emacm import (
-    BinTransformer,
     ConditionRouter,
     CostSensitiveGaussianBayes,
     LeastRiskClassifier,
-    OrderPSD,
-    OrderResampler,
     PosteriorProduct,
     Recording,
     explain_decision,
     family_costs,
 )
-
-THETA_S = 2 * np.pi / 16
 
 
 def run(load, worn, seed):
@@ -43,13 +39,8 @@ def fleet():
 
 
 def chain():
-    return make_pipeline(
-        OrderResampler(THETA_S),
-        OrderPSD(4),
-        BinTransformer(1, max_order=6),
-        FunctionTransformer(np.log10, feature_names_out="one-to-one"),
-        CostSensitiveGaussianBayes(covariance="tied", shrinkage="oas"),
-    )
+    bayes = CostSensitiveGaussianBayes(covariance="tied", shrinkage="oas")
+    return order_bins(log(), bayes, samples=16, max_order=6)
 
 
 def table(loads, levels):

@@ -4,13 +4,12 @@ import re
 
 import numpy as np
 import pytest
+from order_models import log, order_bins
 from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import FunctionTransformer
 from sklearn.tree import DecisionTreeClassifier
 
 from emacm import (
-    BinTransformer,
     ConditionRouter,
     CostSensitiveGaussianBayes,
     EnvelopeDetector,
@@ -50,13 +49,8 @@ def fitted(**options):
 
 
 def pipeline(**options):
-    return make_pipeline(
-        OrderResampler(2 * np.pi / 32),
-        OrderPSD(4),
-        BinTransformer(max_order=12),
-        FunctionTransformer(np.log10),
-        CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", **options),
-    )
+    bayes = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", **options)
+    return order_bins(log(), bayes)
 
 
 def about(recording, model=None):

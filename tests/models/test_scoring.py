@@ -8,15 +8,12 @@ from functools import partial
 import numpy as np
 import pandas as pd
 import pytest
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import FunctionTransformer
+from order_models import log, order_bins
 
 from emacm import (
-    BinTransformer,
     ConditionRouter,
     CostSensitiveGaussianBayes,
     Layout,
-    OrderPSD,
     OrderResampler,
     Recording,
     RecordingFolder,
@@ -52,10 +49,7 @@ COST = {("healthy", "worn"): 10, ("inspect", "healthy"): 0.3, ("inspect", "worn"
 
 def pipeline(**options):
     bayes = CostSensitiveGaussianBayes(COST, covariance="tied", shrinkage="auto", **options)
-    log = FunctionTransformer(np.log10)
-    return make_pipeline(
-        OrderResampler(2 * np.pi / 24), OrderPSD(4), BinTransformer(0.5, max_order=9), log, bayes
-    )
+    return order_bins(log(), bayes, samples=24, bin_size=0.5, max_order=9)
 
 
 @pytest.fixture(scope="module")
@@ -275,10 +269,8 @@ def test_few_large_files_are_in_memory_at_once(model, tmp_path, monkeypatch):
 
 
 def test_an_unknown_state_is_explained_in_the_row():
-    log = FunctionTransformer(np.log10, feature_names_out="one-to-one")
     priors = {"healthy": 0.5, "worn": 0.3, "unknown": 0.2}  # little is proven by 12 groups
     model = pipeline(unknown="unknown", priors=priors)
-    model = make_pipeline(*(step for _, step in model.steps[:3]), log, model[-1])
     model.fit(X, Y, costsensitivegaussianbayes__groups=np.arange(24) // 2)
     found = signals(seed=5)
     found["vib"] = found["vib"] + 30 * np.sin(7.3 * ANGLE)

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from order_models import log, order_bins
 from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from sklearn.preprocessing import StandardScaler
 
 import emacm.orders.segment_plan
 import emacm.resampling.spreading
@@ -98,9 +99,8 @@ def model_of(recording, *, steps=None):
         }
         shaft = {recording.reference: getattr(recording, recording.reference)}
         X.append(Recording(signals, recording.fs, shaft_fs=recording.shaft_fs, **shaft))
-    scale = FunctionTransformer(np.log10, feature_names_out="one-to-one"), StandardScaler()
     classifier = CostSensitiveGaussianBayes({("new", "worn"): 7}, covariance="diag")
-    return make_pipeline(*steps, *scale, classifier).fit(X, ["new", "worn"] * 2)
+    return make_pipeline(*steps, log(), StandardScaler(), classifier).fit(X, ["new", "worn"] * 2)
 
 
 def monitor_of(model, recording, **options):
@@ -316,10 +316,7 @@ def test_a_new_spectral_line_gives_an_alarm():
         return Recording({"force": wave + 0.1 * rng.normal(size=8000)}, 2000, velocity=TURN * 10)
 
     X, y = [recording() for _ in range(12)], ["a", "b"] * 6
-    model = make_pipeline(
-        OrderResampler(THETA_S), OrderPSD(4), BinTransformer(2, max_order=12), GaussianNB()
-    )
-    model.fit(X, y)
+    model = order_bins(GaussianNB(), samples=37, bin_size=2).fit(X, y)
     for amplitude, expected in ((0.0, ""), (0.3, "line at order 4.5 of 'force', ")):
         new = recording(amplitude)
         (reading,) = readings_of(monitor_of(model, new), new, [2.0])
