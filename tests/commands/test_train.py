@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -27,9 +26,9 @@ def signals(worn, unit):
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory):
+def bench(tmp_path_factory):
     """Write the files of four units in three formats."""
-    folder = tmp_path_factory.mktemp("written")
+    folder = tmp_path_factory.mktemp("bench")
     (folder / "files").mkdir()
     for unit in range(4):
         for worn in (0, 1):
@@ -47,12 +46,6 @@ def written(tmp_path_factory):
         'velocity = "speed"\nmeta = "{unit}_{state}_{run:d}"\n[units]\nspeed = "rad/s"\n'
     )
     return folder
-
-
-@pytest.fixture
-def here(written, tmp_path, monkeypatch):
-    """Stand in a copy of this folder."""
-    monkeypatch.chdir(shutil.copytree(written, tmp_path / "here"))
 
 
 def keep_three_units():
