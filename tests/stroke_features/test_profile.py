@@ -51,18 +51,6 @@ def test_strokes_of_one_direction_are_averaged_by_their_lengths():
     assert found[0, 0] == pytest.approx(2, rel=2e-3)
 
 
-@pytest.mark.parametrize(
-    ("parameters", "error", "message"),
-    [
-        ({"n_coefficients": 0}, ValueError, "n_coefficients must be a whole number of at least 1"),
-        ({"n_coefficients": 2.5}, TypeError, "n_coefficients must be a whole number"),
-    ],
-)
-def test_wrong_parameters_are_refused(parameters, error, message):
-    with pytest.raises(error, match=message):
-        StrokeProfile(**parameters).fit([out_and_back(lambda p: p)])
-
-
 # Coefficients
 
 RNG = np.random.default_rng(0)

@@ -79,20 +79,6 @@ def test_a_constant_channel_is_named_with_its_strokes():
         described(np.full(SPEED.size, 2.0))
 
 
-@pytest.mark.parametrize(
-    ("parameters", "error", "message"),
-    [
-        ({"statistics": ("median",)}, ValueError, "a statistic must be one of .*; got 'median'"),
-        ({"statistics": ()}, ValueError, "statistics must contain each name once"),
-        ({"statistics": "rms"}, TypeError, "statistics must be a list of names, got 'rms'"),
-    ],
-)
-def test_wrong_parameters_are_refused(parameters, error, message):
-    X = [Recording({"current": SPEED}, FS, angle=ANGLE)]
-    with pytest.raises(error, match=message):
-        RecordingStatistics(**parameters).fit(X)
-
-
 # Signals
 
 CYCLES = np.arange(1000) / 1000 * 2 * np.pi * 5
