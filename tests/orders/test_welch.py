@@ -269,17 +269,6 @@ def test_padded_strokes_have_the_power_of_a_tone(order, window):
     assert psd.orders_[spectrum.argmax()] == pytest.approx(order, abs=psd.order_step_)
 
 
-def test_a_short_recording_is_an_error_with_its_name_its_revolutions_and_the_remedy():
-    recording = reversing_recording(lambda angle, _: np.sin(9 * angle))
-    over_angle = OrderResampler().fit_transform([recording])
-    message = (
-        r"recording 0 \(unit='B'\): no stroke holds a segment of 20 revolutions \(2560 samples\): "
-        r"its longest stroke holds 15.2\d*. Lower revolutions .*short='pad'"
-    )
-    with pytest.raises(ValueError, match=message):
-        OrderPSD(20).fit_transform(over_angle)
-
-
 # What smears
 
 
