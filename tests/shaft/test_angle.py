@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from motions import FS, MOTIONS, TIME, TURN, turned
 
 from emacm.shaft.angle import (
-    _unwrapped_over_gaps,
     angle_from_currents,
     angle_from_position,
     angle_from_resolver,
@@ -182,13 +181,6 @@ def test_noise_of_an_encoder_where_it_wraps_is_no_contradiction():
     noise = 0.2 * np.random.default_rng(1).standard_normal(2000)
     found = angle_from_wrapped(turned % TURN + noise)
     np.testing.assert_allclose(found, turned + noise, atol=1e-9)
-
-
-def test_phases_go_on_across_a_gap_as_fast_as_on_either_side():
-    sample = np.array([0, 1, 2, 3, 8, 9, 10])
-    phase = 1.3 * sample
-    found = _unwrapped_over_gaps(np.angle(np.exp(1j * phase)), sample)
-    np.testing.assert_allclose(found, phase)
 
 
 @pytest.mark.parametrize(
