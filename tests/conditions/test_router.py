@@ -237,10 +237,6 @@ def test_a_search_over_costs_inside_has_no_effect_and_outside_it_has():
     assert outside.fit(LOADED, STATES).best_estimator_.cost_[0, 1] == 5
 
 
-def bare(**meta):
-    return [Recording({"current": [0.0, 1]}, 1, velocity=1.0, meta=meta)]
-
-
 LOGISTIC = LogisticRegression()
 UNSEEN = ConditionRouter(LOGISTIC, unseen="guess")
 BAD_FITS = [
@@ -251,11 +247,7 @@ BAD_FITS = [
     (ConditionRouter(LOGISTIC), LOADED, [*STATES[:7], 3], "position 7 has 3"),
     (ConditionRouter(LOGISTIC), LOADED, [*"abab", *["worn"] * 4], "load=40: all 4 are of"),
     (ConditionRouter(LOGISTIC), LOADED[["load"]], STATES, "no columns besides the condition"),
-    (ConditionRouter(LOGISTIC), LOADED.to_numpy(), STATES, "a ndarray without meta"),
     (ConditionRouter(LOGISTIC, "speed"), LOADED, STATES, "recording 0 has no column 'speed'"),
-    (ConditionRouter(LOGISTIC, ["load"]), LOADED, STATES, "condition must be a key of meta"),
-    (ConditionRouter(LOGISTIC), bare(unit="A"), ["a"], "recording 0 .* no meta key 'load'"),
-    (ConditionRouter(LOGISTIC), bare(load=np.nan), ["a"], "its meta key 'load' is nan"),
     (UNSEEN, LOADED, STATES, "unseen must be one of 'raise', 'pooled'"),
     (
         ConditionRouter(CostSensitiveGaussianBayes(shrinkage="oas", covariance="tied")),
