@@ -245,7 +245,7 @@ BAD_FITS = [
     (ConditionRouter(LOGISTIC), LOADED, STATES[:7], "y has 7 entries for 8 recordings"),
     (ConditionRouter(LOGISTIC), LOADED, [*STATES[:7], None], "position 7 has None"),
     (ConditionRouter(LOGISTIC), LOADED, [*STATES[:7], 3], "position 7 has 3"),
-    (ConditionRouter(LOGISTIC), LOADED, [*"abab", *["worn"] * 4], "load=40: all 4 are of"),
+    (ConditionRouter(LOGISTIC), LOADED, [*"abab", *["worn"] * 4], "40: all 4 are of class 'worn'"),
     (ConditionRouter(LOGISTIC), LOADED[["load"]], STATES, "no columns besides the condition"),
     (ConditionRouter(LOGISTIC, "speed"), LOADED, STATES, "recording 0 has no column 'speed'"),
     (UNSEEN, LOADED, STATES, "unseen must be one of 'raise', 'pooled'"),
