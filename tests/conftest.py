@@ -2,6 +2,7 @@
 
 import gc
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -57,6 +58,13 @@ def closed_figures():
     yield
     if "matplotlib.pyplot" in sys.modules:
         sys.modules["matplotlib.pyplot"].close("all")
+
+
+@pytest.fixture
+def here(bench, tmp_path, monkeypatch):
+    """Stand in a copy of the folder that the fixture `bench` of a module has written."""
+    monkeypatch.chdir(shutil.copytree(bench, tmp_path / "here"))
+    return tmp_path / "here"
 
 
 @pytest.fixture(scope="session")

@@ -18,10 +18,7 @@ MOTIONS = {
         lambda t: TURN * (10 * t + np.sin(TURN * t) / np.pi),
         lambda t: TURN * (10 + 2 * np.cos(TURN * t)),
     ),
-    "reversing": (
-        lambda t: 30 / TURN * (1 - np.cos(TURN * t)),
-        lambda t: 30 * np.sin(TURN * t),
-    ),
+    "reversing": (lambda t: 30 / TURN * (1 - np.cos(TURN * t)), lambda t: 30 * np.sin(TURN * t)),
 }
 
 

@@ -3,18 +3,10 @@
 import joblib
 import numpy as np
 import pytest
+from order_models import log, order_bins
 from sklearn.model_selection import GridSearchCV, GroupKFold
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import FunctionTransformer
 
-from emacm import (
-    BinTransformer,
-    CostSensitiveGaussianBayes,
-    Layout,
-    OrderPSD,
-    OrderResampler,
-    RecordingFolder,
-)
+from emacm import CostSensitiveGaussianBayes, Layout, RecordingFolder
 from emacm.files.folder import FileRecording
 from emacm.recordings.inputs import run
 
@@ -49,13 +41,8 @@ def search_of(folder):
     """Search, and fit the best pipeline in a task of its own: no file is read outside of tasks."""
     states = [recording.meta["state"] for recording in folder]
     units = [recording.meta["unit"] for recording in folder]
-    pipeline = make_pipeline(
-        OrderResampler(2 * np.pi / 50),
-        OrderPSD(),
-        BinTransformer(max_order=20),
-        FunctionTransformer(np.log10),
-        CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto"),
-    )
+    bayes = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto")
+    pipeline = order_bins(log(), bayes, samples=50, max_order=20)
     options = {"scoring": "neg_log_loss", "refit": False, "error_score": "raise"}
     search = GridSearchCV(pipeline, GRID, cv=GroupKFold(3), **options)
     search.fit(folder, states, groups=units)

@@ -18,13 +18,13 @@ from urllib.parse import unquote
 
 import numpy as np
 import pytest
+from order_models import order_bins
 from scipy.io import savemat
 from sklearn.base import clone
 from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
 
 from emacm import (
-    BinTransformer,
     CostSensitiveGaussianBayes,
     Layout,
     LeastRiskClassifier,
@@ -140,7 +140,7 @@ def test_overflow_offsets_and_short_drop_outs_are_named_and_nothing_else(values,
 def test_a_monitor_names_a_channel_that_begins_to_overflow():
     force, speed = np.random.default_rng(0).standard_normal((12, 8000)), np.full(8000, 60.0)
     force = force / 20 + np.sin(np.arange(8000) / 30)
-    model = make_pipeline(OrderResampler(), OrderPSD(4), BinTransformer(max_order=2), BAYES)
+    model = order_bins(BAYES, samples=128, max_order=2)
     model.fit([Recording({"x": x}, 2000, velocity=speed) for x in force[:10]], ["a", "b"] * 5)
     monitor = OrderMonitor(model, fs=2000, channels=["x"], max_speed=100)
     alarms = []
@@ -192,10 +192,7 @@ NARROW = np.zeros(1 + (1 << 25), np.uint8)
 EXTERNAL = {"shape": (8,), "external": [("/etc/passwd", 0, 64)]}
 REFUSED = {
     "long line.csv": (lambda path: path.write_text("1," * 90_000), "line 1 has more than 100000"),
-    "same name.npz": (
-        partial(npz_of, names=["a", "a.npy"]),
-        r"must have different names, got \['a', 'a'\]",
-    ),
+    "same name.npz": (partial(npz_of, names=["a", "a.npy"]), r"different names, got \['a', 'a'\]"),
     "8 TB.h5": (lambda path: hdf5_of(path, shape=(10**12,), chunks=True), "arrays of 8000 GB"),
     "huge.npz": (partial(npz_of, names=["b.npy"], stated=1 << 30), "made to fill"),
     "huge.mat": (partial(savemat, mdict={"b": NARROW}, do_compression=True), "made to fill"),
@@ -230,18 +227,13 @@ def test_the_last_row_of_a_text_without_its_line_end_is_left_out(tmp_path, line_
     for last, count in (("3,500.00\n", 3), ("3,500.00", 2), ("3,5", 2), ("3,-", 2), ("3", 2)):
         text = f"b,c [°]\n1,500.00\n2,500.00\n{last}"
         path.write_text(text, encoding=encoding, newline=line_end)
-        with (
-            pytest.warns(UserWarning, match=r"a\.csv: .*no line end")
-            if count == 2
-            else nullcontext()
-        ):
+        stated = pytest.warns(UserWarning, match="no line end") if count == 2 else nullcontext()
+        with stated:
             signals = open_recording(path, FREE).signals
         assert signals["c"].tolist() == [500.0] * count
 
 
-@pytest.mark.parametrize(
-    "line", [" " * 90_000, "x" + " " * 90_000, "[" * 90_000, "x 1" + ";" * 90_000]
-)
+@pytest.mark.parametrize("line", [" " * 9**5, "x" + " " * 9**5, "[" * 9**5, "x 1" + ";" * 9**5])
 def test_a_long_line_above_the_header_takes_no_time(tmp_path, line):
     (tmp_path / "a.csv").write_text(f"{line}\n# fs: 50 Hz\nb\n1\n2\n")
     assert open_recording(tmp_path / "a.csv", Layout(velocity=3)).duration == 0.04
@@ -314,7 +306,8 @@ def test_two_scores_do_not_write_to_one_table(scored, tmp_path):
     with locked(tmp_path / "rows.csv"):
         status, err, _ = scored(".", "--out", "../rows.csv")
     assert (status, "used by another process" in err) == (2, True)
-    assert not (tmp_path / "rows.csv").exists()
+    assert [path.name for path in tmp_path.iterdir()] == ["new"]  # nor is a lock left
+    assert scored(".", "--out", "../rows.csv")[0] == 0
 
 
 @pytest.mark.slow
@@ -405,16 +398,6 @@ def test_a_pipe_and_a_device_have_a_row_with_an_error(scored):
 # Monitors
 
 
-def test_a_file_is_used_by_one_process_at_a_time(tmp_path):
-    pytest.importorskip("fcntl", reason="not on Windows")
-    path = tmp_path / "rows.csv"
-    with locked(path), pytest.raises(ValueError, match="used by another process"), locked(path):
-        pass
-    with locked(path):
-        pass
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.fixture(scope="module")
 def plant(tmp_path_factory):
     """A model and a layout of rows of time, vibration and speed."""
@@ -424,9 +407,8 @@ def plant(tmp_path_factory):
     rng, X = np.random.default_rng(0), []
     for k in range(10):
         X.append(Recording({"vib": (1 + k % 2) * rng.normal(size=2000)}, 1000, velocity=90.0))
-    steps = OrderResampler(2 * np.pi / 24), OrderPSD(2), BinTransformer(1, max_order=6)
     bayes = CostSensitiveGaussianBayes(covariance="diag")
-    model = make_pipeline(*steps, bayes).fit(X, ["ok", "worn"] * 5)
+    model = order_bins(bayes, samples=24, revolutions=2, max_order=6).fit(X, ["ok", "worn"] * 5)
     save_model(model, folder / "model.emacm")
     return folder
 
@@ -443,11 +425,9 @@ def monitored(plant, tmp_path, capsys):
     def follow(rows=None, *options, every="1", idle="0"):
         if rows is not None:
             (tmp_path / "log.csv").write_text("time,vib,speed\n" + "".join(rows))
-        arguments = ["--layout", str(plant / "layout.toml"), "--max-speed", "100 rad/s"]
-        arguments += ["--every", every, "--unit", "s", "--idle", idle, *options]
-        status = main(
-            ["monitor", str(plant / "model.emacm"), str(tmp_path / "log.csv"), *arguments]
-        )
+        others = ["--layout", str(plant / "layout.toml"), "--max-speed", "100 rad/s"]
+        others += ["--every", every, "--unit", "s", "--idle", idle, *options]
+        status = main(["monitor", str(plant / "model.emacm"), str(tmp_path / "log.csv"), *others])
         out, err = capsys.readouterr()
         return status, [json.loads(line) for line in out.splitlines()], err
 

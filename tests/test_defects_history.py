@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from order_models import order_bins
 from sklearn.compose import ColumnTransformer
 from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
 
 from emacm import (
-    BinTransformer,
     CostSensitiveGaussianBayes,
     EmacmWarning,
     LeastRiskClassifier,
@@ -47,8 +47,7 @@ def rows_of(worn, seed, n=1000):
 
 def saved(classifier, path):
     X = [Recording({"vib": rows_of(k % 2, k)}, 1000, velocity=90.0) for k in range(12)]
-    steps = OrderResampler(2 * np.pi / 24), OrderPSD(2), BinTransformer(1, max_order=6)
-    model = make_pipeline(*steps, classifier)
+    model = order_bins(classifier, samples=24, revolutions=2, max_order=6)
     save_model(model.fit(X, ["ok", "worn"] * 6, **groups_options(model, range(12))), path)
 
 
@@ -66,12 +65,6 @@ def bench(tmp_path_factory):
     rows = [rows_of(0 < k < 5, 100 + k) for k in range(9)]
     np.savetxt(folder / "stream.csv", np.concatenate(rows), header="vib", comments="")
     return folder
-
-
-@pytest.fixture
-def here(bench, tmp_path, monkeypatch):
-    """Stand in a copy of this folder."""
-    monkeypatch.chdir(shutil.copytree(bench, tmp_path / "here"))
 
 
 @pytest.fixture

@@ -84,9 +84,8 @@ def test_uneven_marks_are_neither_missing_nor_double_pulses(wheel, motion):
 
 
 def test_the_gap_of_a_wheel_with_its_nominal_number_is_filled_and_no_fault():
-    found = angle_from_pulses(
-        pulses_of(WHEELS["gap of two"], "ramp"), 10_000, len(TIME), pulses_per_rev=60
-    )
+    pulses = pulses_of(WHEELS["gap of two"], "ramp")
+    found = angle_from_pulses(pulses, 10_000, len(TIME), pulses_per_rev=60)
     n_turns = int(TURNS["ramp"][-1])
     assert (len(found.missing), len(found.double), found.statements) == (2 * n_turns, 0, ())
 

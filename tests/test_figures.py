@@ -20,9 +20,7 @@ RESULT = re.compile(r"\d\.\d+|\d %|\d (?:of|to) \d|\d (?:dB|m?s|[KMG]B|times|rig
 
 
 def sections():
-    parts = re.split(
-        r"^\[(.+)\]\n", (ROOT / "tests" / "figures.txt").read_text("utf-8"), flags=re.M
-    )
+    parts = re.split(r"^\[(.+)\]\n", (ROOT / "tests/figures.txt").read_text("utf-8"), flags=re.M)
     return {page: text.splitlines() for page, text in zip(parts[1::2], parts[2::2], strict=True)}
 
 

@@ -16,9 +16,7 @@ import emacm
 from emacm import displays, monitoring, simulation
 
 ROOT = Path(__file__).parents[1]
-NEEDED = (
-    "sphinx pydata_sphinx_theme myst_nb numpydoc sphinx_design sphinx_copybutton sphinx_gallery"
-)
+NEEDS = "sphinx pydata_sphinx_theme myst_nb numpydoc sphinx_design sphinx_copybutton sphinx_gallery"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 COMMAND = "sphinx-build -W notebooks site"  # as README prints it
 QUESTIONS = {  # and what its page must say
@@ -40,9 +38,8 @@ QUESTIONS = {  # and what its page must say
 
 def test_every_public_name_is_in_the_reference():
     reference = (ROOT / "notebooks/reference.rst").read_text(encoding="utf-8")
-    names = {
-        name for module in (emacm, monitoring, displays, simulation) for name in module.__all__
-    }
+    parts = emacm, monitoring, displays, simulation
+    names = {name for part in parts for name in part.__all__}
     assert names - set(re.findall(r"\w+", reference)) == {"__version__"}
 
 
@@ -57,9 +54,7 @@ def test_examples_ask_a_question_and_are_short():
 
 
 def test_each_display_is_in_the_gallery_and_the_guide_is_in_the_order_of_its_numbers():
-    gallery = "".join(
-        path.read_text(encoding="utf-8") for path in (ROOT / "notebooks/gallery").glob("*/*.py")
-    )
+    gallery = "".join(p.read_text("utf-8") for p in (ROOT / "notebooks/gallery").glob("*/*.py"))
     assert [name for name in displays.__all__ if name not in gallery] == []
     guide = (ROOT / "notebooks/guide.md").read_text(encoding="utf-8")
     listed = re.findall(r"^(\d\d_\w+)$", guide, flags=re.M)
@@ -68,7 +63,7 @@ def test_each_display_is_in_the_gallery_and_the_guide_is_in_the_order_of_its_num
 
 def built(folder):
     """Build the site; return the texts of its pages by path."""
-    missing = [name for name in NEEDED.split() if find_spec(name) is None]
+    missing = [name for name in NEEDS.split() if find_spec(name) is None]
     if missing:
         pytest.skip(f"the extra site is not installed: {missing}")
     others = shutil.ignore_patterns(".*", "tests", "benchmarks", "examples", "site")

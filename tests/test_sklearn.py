@@ -5,12 +5,13 @@ import numpy as np
 import pandas as pd
 import polars as pl
 import pytest
+from order_models import log, order_bins
 from sklearn.decomposition import PCA
 from sklearn.exceptions import NotFittedError
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from sklearn.preprocessing import StandardScaler
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 import emacm
@@ -51,24 +52,13 @@ def fleet():
     """Recordings of six units with unequal lengths and two sampling rates, y and groups."""
     y = np.array(["healthy", "worn"] * 6)
     groups = np.repeat(np.arange(6), 2)
-    X = [
-        run(int(groups[i]), y[i], seed=i, fs=(500, 625)[i % 2], seconds=4 + i % 3)
-        for i in range(len(y))
-    ]
+    X = [run(i // 2, y[i], seed=i, fs=(500, 625)[i % 2], seconds=4 + i % 3) for i in range(12)]
     return X, y, groups
 
 
 def monitoring(**options):
-    return make_pipeline(
-        OrderResampler(THETA_S),
-        OrderPSD(4),
-        BinTransformer(1, max_order=12),
-        FunctionTransformer(np.log10, feature_names_out="one-to-one"),
-        StandardScaler(),
-        PCA(3),
-        CostSensitiveGaussianBayes(COST, shrinkage="oas"),
-        **options,
-    )
+    bayes = CostSensitiveGaussianBayes(COST, shrinkage="oas")
+    return order_bins(log(), StandardScaler(), PCA(3), bayes, **options)
 
 
 @pytest.fixture(scope="module")
@@ -126,12 +116,10 @@ def test_one_search_over_all_three_steps_is_right_for_every_candidate(fleet):
     assert search.predict(X).shape == (len(X),)
 
 
-@pytest.mark.parametrize(
-    ("container", "frame"), [("pandas", pd.DataFrame), ("polars", pl.DataFrame)]
-)
-def test_output_as_a_frame_changes_no_number_and_has_exact_names(fleet, fitted, container, frame):
+@pytest.mark.parametrize(("form", "frame"), [("pandas", pd.DataFrame), ("polars", pl.DataFrame)])
+def test_output_as_a_frame_changes_no_number_and_has_exact_names(fleet, fitted, form, frame):
     X, y, _ = fleet
-    framed = monitoring().set_output(transform=container).fit(X, y)
+    framed = monitoring().set_output(transform=form).fit(X, y)
     psd, bins = framed[:2].transform(X[:5]), framed[:3].transform(X[:5])
     assert isinstance(psd, frame)
     assert isinstance(bins, frame)
@@ -141,9 +129,8 @@ def test_output_as_a_frame_changes_no_number_and_has_exact_names(fleet, fitted, 
     both = ("current", "position")
     assert list(psd.columns) == [f"{name}@{order}" for name in both for order in orders]
     assert list(bins.columns) == [f"{name}@{k}-{k + 1}" for name in both for k in range(12)]
-    np.testing.assert_allclose(
-        framed.predict_proba(X), fitted.predict_proba(X), rtol=1e-6, atol=1e-9
-    )
+    expected = fitted.predict_proba(X)
+    np.testing.assert_allclose(framed.predict_proba(X), expected, rtol=1e-6, atol=1e-9)
 
 
 # Caches

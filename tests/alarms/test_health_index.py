@@ -3,12 +3,13 @@
 import numpy as np
 import pandas as pd
 import pytest
+from order_models import log, order_bins
 from scipy.signal import lfilter
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from emacm import BinTransformer, OrderPSD, OrderResampler, Recording, load_model, save_model
+from emacm import Recording, load_model, save_model
 from emacm.alarms.stationarity import instability
 from emacm.displays import TrendDisplay
 from emacm.monitoring import CUSUM, HealthIndex, health_trend
@@ -31,9 +32,7 @@ def fleet(n_units, n_each, rng, spread=2.0):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings(
-    "ignore:without groups", "ignore:.* are those of fit", "ignore:the base"
-)
+@pytest.mark.filterwarnings("ignore:without groups", "ignore:.* those of fit", "ignore:the base")
 @parametrize_with_checks([HealthIndex()])
 def test_scikit_learns_checks_pass(estimator, check):
     check(estimator)
@@ -182,9 +181,7 @@ def test_rows_of_fit_are_no_baseline_of_a_chart():
             known = index.transform(np.vstack([healthy, new[:1]]))[:20]
         left = index.left_out_[["index"]].to_numpy()
         charts = [CUSUM(0.5, 5.0).fit(x) for x in (known, left)]
-        alarmed.append(
-            [chart.update(np.asarray(index.transform(new))).alarm.any() for chart in charts]
-        )
+        alarmed.append([c.update(np.asarray(index.transform(new))).alarm.any() for c in charts])
     assert np.mean(alarmed, axis=0)[0] > 0.8
     assert np.mean(alarmed, axis=0)[1] < 0.5
 
@@ -269,13 +266,7 @@ def recording(seed, unit, day, wear=0.0, n=3000):
 
 
 def pipeline():
-    return make_pipeline(
-        OrderResampler(2 * np.pi / 18),
-        OrderPSD(4),
-        BinTransformer(1, max_order=6),
-        FunctionTransformer(np.log),
-        HealthIndex(0.1),
-    )
+    return order_bins(log(), HealthIndex(0.1), samples=18, max_order=6)
 
 
 @pytest.fixture(scope="module")

@@ -94,9 +94,7 @@ def test_what_is_missing_is_stated(here, capsys, options, message):
 
 
 def test_a_speed_replaces_the_shaft_of_the_files_and_that_of_a_layout(here, capsys):
-    pd.DataFrame(pump("outer", 5)[:, :2], columns=["time", "vibration"]).to_csv(
-        "bare.csv", index=False
-    )
+    pd.DataFrame(pump("outer", 5)[:, :2], columns=["t", "vib"]).to_csv("bare.csv", index=False)
     assert main(["find", "bare.csv", "--bearing", "6205", "--speed", "1200"]) != 2
     (here / "slow.toml").write_text('velocity = "300 rpm"\n')
     found = [capsys.readouterr()]
@@ -174,9 +172,7 @@ def test_the_trend_sees_rings_with_and_without_a_known_bearing(fleet, monkeypatc
 
 
 def test_a_file_of_speeds_alone_is_named(here, capsys):
-    pd.DataFrame(pump("outer", 5)[:, [0, 2]], columns=["time", "speed_rpm"]).to_csv(
-        "a.csv", index=False
-    )
+    pd.DataFrame(pump("outer", 5)[:, [0, 2]], columns=["t", "rpm"]).to_csv("a.csv", index=False)
     assert main(["find", "a.csv", "--bearing", "6205"]) == 2
     assert "select those by --pattern" in capsys.readouterr().err
 

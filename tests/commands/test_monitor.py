@@ -10,18 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sklearn.pipeline import make_pipeline
+from commands.worn_files import signals
+from order_models import order_bins
 
-from emacm import (
-    BinTransformer,
-    CostSensitiveGaussianBayes,
-    Layout,
-    OrderPSD,
-    OrderResampler,
-    load_model,
-    open_recording,
-    save_model,
-)
+from emacm import CostSensitiveGaussianBayes, Layout, load_model, open_recording, save_model
 from emacm.__main__ import main
 from emacm.commands import monitor as command
 from emacm.history.records import SCHEMA
@@ -33,11 +25,8 @@ N = 6000
 
 
 def rows_of(worn, seed, n=N):
-    rng = np.random.default_rng(seed)
-    angle = 90.0 * np.arange(n) / 1000
-    line = (2.0 if worn else 0.1) * np.sin(4.7 * angle)
-    signals = np.column_stack([rng.normal(size=n) + line, np.full(n, 90 * 30 / np.pi)])
-    return [f"{vib:.17g},{speed:.17g}\n" for vib, speed in signals]
+    rows = zip(*signals(worn, seed, n).values(), strict=True)
+    return [f"{vib:.17g},{speed:.17g}\n" for vib, speed in rows]
 
 
 @pytest.fixture(scope="module")
@@ -50,22 +39,13 @@ def bench(tmp_path_factory):
         path.write_text("vib,speed\n" + "".join(rows_of(seed % 3 == 2, seed, 2000)))
         X.append(open_recording(path, Layout.from_toml(folder / "layout.toml")))
         y.append("worn" if seed % 3 == 2 else "ok")
-    costs = {("ok", "worn"): 5}
-    bayes = CostSensitiveGaussianBayes(
-        costs, covariance="diag", shrinkage=0.1, temperature="groups"
-    )
-    resampler = OrderResampler(2 * np.pi / 24)
-    model = make_pipeline(resampler, OrderPSD(4), BinTransformer(0.5, max_order=9), bayes)
+    options = {"covariance": "diag", "shrinkage": 0.1, "temperature": "groups"}
+    bayes = CostSensitiveGaussianBayes({("ok", "worn"): 5}, **options)
+    model = order_bins(bayes, samples=24, bin_size=0.5, max_order=9)
     model.fit(X, y, costsensitivegaussianbayes__groups=range(12))
     save_model(model, folder / "model.emacm")
     (folder / "stream.csv").write_text("vib,speed\n" + "".join(rows_of(True, 20)))
     return folder
-
-
-@pytest.fixture
-def here(bench, monkeypatch):
-    monkeypatch.chdir(bench)
-    return bench
 
 
 def run(*arguments, source="stream.csv"):

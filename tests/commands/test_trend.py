@@ -49,13 +49,8 @@ def test_indicators_of_a_sine_stand_beside_the_index(here, capsys):
     np.savez("nights/new_1.npz", vib=sine, speed=np.full(4000, 90 * 30 / np.pi))
     assert run("--machine", "class I") == 0
     row = pd.read_csv(io.StringIO(capsys.readouterr().out)).query("unit == 'new'").iloc[0]
-    velocity = 3000 / (2 * np.pi * 25) / np.sqrt(2)
-    expected = {
-        "rms": 3 / 2**0.5,
-        "crest_factor": 2**0.5,
-        "kurtosis": 1.5,
-        "velocity [mm/s]": velocity,
-    }
+    mm_s = 3000 / (2 * np.pi * 25) / np.sqrt(2)
+    expected = {"rms": 3 / 2**0.5, "crest_factor": 2**0.5, "kurtosis": 1.5, "velocity [mm/s]": mm_s}
     for name, value in expected.items():
         assert row[f"vib:{name}"] == pytest.approx(value, rel=0.005)
     assert row["vib:zone"] == "D"

@@ -6,27 +6,11 @@ import numpy as np
 import pytest
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
-from strokes_under_load import (
-    FS,
-    LINE,
-    OFFSETS,
-    THETA_S,
-    inside,
-    made_fleet,
-    motion,
-    over_angle,
-    profile,
-    run,
-)
+from strokes_under_load import FS, LINE, OFFSETS, THETA_S, inside, motion, over_angle, profile, run
 
 from emacm import OrderPSD, OrderResampler, Recording, SignalBaseline
 from emacm.conditions.signal_baseline import GridSignals, mean_sections
 from emacm.orders.order_psd import spectrum_key
-
-
-@pytest.fixture(scope="module")
-def fleet():
-    return made_fleet()
 
 
 @pytest.mark.parametrize("antialias", [True, False])
@@ -69,8 +53,8 @@ def test_each_direction_has_a_baseline_of_its_own():
     np.testing.assert_allclose(reverse.signals[:, 16:-16], expected[:, 16:-16], atol=2e-3)
 
 
-def test_each_load_has_a_baseline_of_its_own(fleet):
-    runs, y = fleet
+def test_each_load_has_a_baseline_of_its_own(loaded_fleet):
+    runs, y = loaded_fleet
     left = SignalBaseline().fit_transform(over_angle(runs), y)
     sizes = np.array([np.mean(inside(recording.strokes[0]) ** 2) for recording in left])
     assert sizes[y == "healthy"].max() < 0.01 < 0.03 < sizes[y == "worn"].min()
@@ -103,9 +87,7 @@ def test_strokes_are_cut_to_where_healthy_ones_have_been():
 
 def test_a_recording_where_no_healthy_one_has_been_says_so():
     X = over_angle([run()])
-    (left,) = (
-        SignalBaseline().fit(X, ["healthy"] * len(X)).transform(over_angle([run(offset=500.0)]))
-    )
+    (left,) = SignalBaseline().fit(X, ["healthy"]).transform(over_angle([run(offset=500.0)]))
     with pytest.raises(ValueError, match=r"start at 500.* healthy recordings of load=20"):
         left.strokes  # noqa: B018
     with pytest.raises(ValueError, match=r"recording 0 \(load=20\): no stroke of it"):
@@ -149,8 +131,8 @@ def test_another_sampling_rate_than_that_of_the_healthy_recordings_is_refused():
         SignalBaseline().fit([*slow, *fast], ["healthy"] * len([*slow, *fast]))
 
 
-def test_only_the_fault_is_left_in_the_spectrum(fleet):
-    X, y = fleet
+def test_only_the_fault_is_left_in_the_spectrum(loaded_fleet):
+    X, y = loaded_fleet
     rows = over_angle(X)
     left = SignalBaseline().fit_transform(rows, y)
     psd = OrderPSD(4)
@@ -161,8 +143,8 @@ def test_only_the_fault_is_left_in_the_spectrum(fleet):
 
 
 # Residuals of training recordings without noise are next to nothing, unlike those of others.
-def test_kept_spectra_are_told_apart_by_their_baseline(fleet, tmp_path):
-    X, y = fleet
+def test_kept_spectra_are_told_apart_by_their_baseline(loaded_fleet, tmp_path):
+    X, y = loaded_fleet
     rows = over_angle(X)
     psd = OrderPSD(4, memory=tmp_path).fit(rows)
     fresh = OrderPSD(4).fit(rows)
@@ -174,8 +156,8 @@ def test_kept_spectra_are_told_apart_by_their_baseline(fleet, tmp_path):
     assert len(keys | {spectrum_key(rows[0], "")}) == 3
 
 
-def test_recordings_of_commissioning_serve_a_load_that_training_has_not(fleet):
-    X, y = fleet
+def test_recordings_of_commissioning_serve_a_load_that_training_has_not(loaded_fleet):
+    X, y = loaded_fleet
     at_20 = [i for i, recording in enumerate(X) if recording.meta["load"] == 20]
     new = over_angle([run(60, offset=0.05), run(60, fault=0.3, offset=0.05)])
     reference = [run(60, offset=offset) for offset in OFFSETS]

@@ -42,6 +42,8 @@ POINTS = np.array([[0.0, 0.0], [1.0, 2.0]])
 BINS = ["a@0-1", "a@1-2"]
 RATE = {f"inspection_rate{end}": [0.9] for end in ("", "_low", "_high")}
 REMAINING = {"age": [0.0, 9.0], "stage": ["before onset", "damage"], "median": [50.0, 11.0]}
+TRACK = {"channel": "a", "order": 1, "time": [1.0], "speed": [9.0], "amplitude": 2.0, "phase": 1.0}
+TREND = {"unit": "A", "time": [1, 2], "index": [0.9, 3.1], "limit": 1.5, "alarm": [False, True]}
 ONE_OF_EACH = [
     AlarmDisplay([3.0, 4.0, 8.0], [0.5, 6.0, 5.5], 5.0),
     ContributionsDisplay(BINS, [1.0, -1.0]),
@@ -57,21 +59,13 @@ ONE_OF_EACH = [
     OrderBinsDisplay(BINS, {"a": [1.0, 2.0]}),
     OrderMapDisplay([0, 1, 2], np.ones((2, 3)), [[0, 1], [1, 2]], [1.0, 2.0]),
     OrderSpectrumDisplay([0, 1, 2], {"a": [1.0, 2.0, 3.0]}),
-    OrderTrackDisplay(
-        pd.DataFrame({"channel": "a", "order": 1, "time": [1.0], "speed": [9.0]}).assign(
-            amplitude=2.0, phase=1.0
-        )
-    ),
+    OrderTrackDisplay(pd.DataFrame(TRACK)),
     OutcomesDisplay(pd.DataFrame({"correct": [1]}, index=["all"])),
     RecordingDisplay(Recording({"a": [1.0, 2.0]}, 10, velocity=[1.0, 1.0])),
     RemainingLifeDisplay(
         pd.DataFrame(REMAINING | {"lower": [5.0, 7.0], "upper": [np.inf, 19.0]}), true=[20.0, 11.0]
     ),
-    TrendDisplay(
-        pd.DataFrame({"unit": "A", "time": [1, 2], "index": [0.9, 3.1], "limit": 1.5}).assign(
-            alarm=[False, True]
-        )
-    ),
+    TrendDisplay(pd.DataFrame(TREND)),
 ]
 NAMED = OutcomesDisplay | EvaluationDisplay  # what is drawn has names
 each = pytest.mark.parametrize("display", ONE_OF_EACH, ids=lambda d: type(d).__name__)
@@ -113,15 +107,11 @@ STATES = ["broken", "new", "aged"]  # the healthy one, "new", is neither first n
 
 def states_displays():
     bins = OrderBinsDisplay(BINS, {name: [1.0, 2.0] for name in STATES}, healthy="new")
-    spectrum = OrderSpectrumDisplay(
-        [0, 1, 2], {name: [1.0, 2.0, 3.0] for name in STATES}, healthy="new"
-    )
-    points = [[0, 1], [3, 5], [7, 2]]
-    densities = FeatureDensityDisplay(
-        STATES, points, [np.eye(2)] * 3, points, STATES, healthy="new"
-    )
+    spectrum = OrderSpectrumDisplay([0, 1, 2], {name: [1, 2, 3] for name in STATES}, healthy="new")
+    at = [[0, 1], [3, 5], [7, 2]]
+    densities = FeatureDensityDisplay(STATES, at, [np.eye(2)] * 3, at, STATES, healthy="new")
     regions = DecisionRegionsDisplay(
-        [0, 3, 7], [1, 5], [[0, 1, 2], [0, 1, 2]], STATES, points, STATES, healthy="new"
+        [0, 3, 7], [1, 5], [[0, 1, 2]] * 2, STATES, at, STATES, healthy="new"
     )
     return [bins, spectrum, densities, regions]
 

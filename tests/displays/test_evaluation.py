@@ -23,13 +23,8 @@ TABLE = pd.DataFrame(
 )
 CONFUSION = pd.DataFrame([[8, 1], [0, 3], [2, 0]], index=["a", "b", "inspect"], columns=["a", "b"])
 CURVE = pd.DataFrame(
-    {
-        "confidence": [0.6, 0.9],
-        "frequency": [0.5, 0.95],
-        "low": [0.3, 0.9],
-        "high": [0.7, 1.0],
-        "count": [10, 40],
-    }
+    [[0.6, 0.5, 0.3, 0.7, 10], [0.9, 0.95, 0.9, 1.0, 40]],
+    columns=["confidence", "frequency", "low", "high", "count"],
 )
 
 

@@ -18,9 +18,8 @@ def counted(y_true, y_pred, **options):
 
 def test_false_alarms_wrong_faults_and_missed_detections_are_distinguished():
     truths = [HEALTHY, HEALTHY, WORN, WORN, WORN]
-    frame = counted(
-        truths, [HEALTHY, WORN, WORN, HEALTHY, SPALLED], classes=[SPALLED], ax=axes()
-    ).frame()
+    decided = [HEALTHY, WORN, WORN, HEALTHY, SPALLED]
+    frame = counted(truths, decided, classes=[SPALLED], ax=axes()).frame()
     shares = {"correct": 40.0, "false alarm": 20.0, "wrong fault": 20.0, "missed detection": 20.0}
     assert frame.to_dict("records") == [{"inspection": 0.0, **shares, "n": 5.0}]
 

@@ -18,9 +18,7 @@ def spectra():
 
 def test_a_spectrum_is_the_mean_of_each_label_in_db(ax):
     orders, table = spectra()
-    display = OrderSpectrumDisplay.from_table(
-        table, "current", labels=["a", "a", "b"], unit="A", ax=ax
-    )
+    display = OrderSpectrumDisplay.from_table(table, "current", labels=[*"aab"], unit="A", ax=ax)
     frame = display.frame()
     assert list(frame.columns) == ["a", "b"]
     assert np.array_equal(frame.index, orders)
@@ -35,7 +33,7 @@ def test_every_channel_has_a_panel_and_its_own_unit():
     _, table = spectra()
     axes = Figure(figsize=(6, 9)).subplots(2)
     units = {"vibration": "m/s²", "current": "A"}
-    display = OrderSpectrumDisplay.from_table(table, labels=["a", "a", "b"], unit=units, ax=axes)
+    display = OrderSpectrumDisplay.from_table(table, labels=[*"aab"], unit=units, ax=axes)
     assert display.channel == ["vibration", "current"]
     two = OrderSpectrumDisplay([0, 1, 2], {"a": [[1, 1, 1], [100, 100, 100]]}, channel=["x", "y"])
     two.plot(ax=Figure().subplots(2))

@@ -69,16 +69,7 @@ def test_beyond_its_ends_the_signal_is_its_mirror_image():
 
 
 @pytest.mark.parametrize(
-    "key",
-    [
-        slice(100, 4000),
-        slice(7, 9),
-        slice(3, 5000, 3),
-        slice(300, 100),
-        5,
-        -1,
-    ],
-    ids=str,
+    "key", [slice(100, 4000), slice(7, 9), slice(3, 5000, 3), slice(300, 100), 5, -1], ids=str
 )
 def test_what_is_read_in_part_is_what_the_whole_has_there(key):
     signal = noise(5000)
@@ -101,13 +92,10 @@ def knocking(seed=0, *, order=3.1, strength=1.0, fs=FS, dtype=float, **meta):
     angle = np.cumsum(velocity) / fs
     struck = np.diff(np.floor(order * angle / TURN), prepend=0) > 0
     ring = np.exp(-np.arange(200) / 40) * np.sin(TURN * 2000 / fs * np.arange(200))
-    sound = strength * np.convolve(struck, ring)[: len(times)] + 0.1 * rng.standard_normal(
-        len(times)
-    )
+    sound = strength * np.convolve(struck, ring)[: len(times)] + 0.1 * rng.normal(size=len(times))
     signals = {"sound": sound.astype(dtype), "current": np.sin(angle[::10]).astype(dtype)}
-    return Recording(
-        signals, {"sound": fs, "current": fs / 10}, velocity=velocity, shaft_fs=fs, meta=meta
-    )
+    rates = {"sound": fs, "current": fs / 10}
+    return Recording(signals, rates, velocity=velocity, shaft_fs=fs, meta=meta)
 
 
 def contrast(recording, order, *before):
@@ -149,14 +137,11 @@ def test_the_other_channels_shaft_and_meta_stay():
 @pytest.mark.parametrize("dtype", [np.float32, float])
 def test_over_the_angle_it_is_what_the_whole_envelope_is(antialias, dtype):
     run = knocking(dtype=dtype)
-    whole = Recording(
-        {"sound": envelope(run.signals["sound"], FS, BAND)}, FS, velocity=run.velocity
-    )
+    full = Recording({"sound": envelope(run.signals["sound"], FS, BAND)}, FS, velocity=run.velocity)
     resampler = OrderResampler(TURN / 512, antialias=antialias, channels=["sound"])
-    (heard,) = make_pipeline(EnvelopeDetector(BAND, channels=["sound"]), resampler).fit_transform(
-        [run]
-    )
-    expected = resampler.fit_transform([whole])[0].strokes[0].signals
+    detector = EnvelopeDetector(BAND, channels=["sound"])
+    (heard,) = make_pipeline(detector, resampler).fit_transform([run])
+    expected = resampler.fit_transform([full])[0].strokes[0].signals
     assert heard.dtype == dtype
     np.testing.assert_allclose(heard.strokes[0].signals, expected, rtol=1e-3, atol=1e-5)
 

@@ -104,9 +104,8 @@ def recording(frequency, n_times=200_000):
 @pytest.mark.slow
 def test_the_detector_takes_the_band_of_each_recording():
     runs = [recording(1450, 70_000), recording(3300, 70_000)]
-    chain = make_pipeline(
-        EnvelopeDetector("kurtogram"), OrderResampler(TURN / 64), OrderPSD(10, max_order=10)
-    )
+    spectra = OrderResampler(TURN / 64), OrderPSD(10, max_order=10)
+    chain = make_pipeline(EnvelopeDetector("kurtogram"), *spectra)
     power = np.asarray(chain.fit_transform(runs))
     orders = chain[-1].orders_
     # The strikes are FS / 701 = 15.69 Hz apart: order 3.138.

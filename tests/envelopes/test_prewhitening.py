@@ -104,14 +104,7 @@ def test_every_length_is_whitened(n_times):
 
 
 @pytest.mark.parametrize("single", [False, True])
-@pytest.mark.parametrize(
-    "key",
-    [
-        slice(4000, 4100),
-        slice(69_000, None),
-    ],
-    ids=str,
-)
+@pytest.mark.parametrize("key", [slice(4000, 4100), slice(69_000, None)], ids=str)
 def test_what_is_read_in_part_is_what_the_whole_has_there(key, single):
     signal = noise(70_001).astype(np.float32 if single else np.float64)
     expected = prewhitened(signal, FS)[key]
@@ -125,9 +118,7 @@ def test_float32_stays_float32():
 
 
 def test_the_chosen_channels_alone_are_whitened():
-    run = Recording(
-        {"torque": noise(), "sound": coloured()}, FS, velocity=np.full(N_TIMES, 9.0), meta={"u": 1}
-    )
+    run = Recording({"torque": noise(), "sound": coloured()}, FS, velocity=9.0, meta={"u": 1})
     step = CepstralPrewhitening(channels=["sound"]).fit([run])
     assert list(step.get_feature_names_out()) == ["torque", "sound"]
     (white,) = step.transform([run])

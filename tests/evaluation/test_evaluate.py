@@ -96,14 +96,12 @@ def test_figures_are_those_of_scikit_learn_on_the_decisions():
     found = evaluated_states()
     for scheme, held in found.predictions.groupby("scheme"):
         row = found.table.loc[scheme]
-        assert row["balanced_accuracy"] == pytest.approx(
-            balanced_accuracy_score(held["truth"], held["decision"])
-        )
+        expected = balanced_accuracy_score(held["truth"], held["decision"])
+        assert row["balanced_accuracy"] == pytest.approx(expected)
         assert row["accuracy"] == pytest.approx((held["truth"] == held["decision"]).mean())
         stated = held[[f"P({state})" for state in sorted(STATES)]]
-        assert row["log_loss"] == pytest.approx(
-            log_loss(held["truth"], stated, labels=sorted(STATES))
-        )
+        expected = log_loss(held["truth"], stated, labels=sorted(STATES))
+        assert row["log_loss"] == pytest.approx(expected)
 
 
 def test_decisions_are_those_of_a_clone_fitted_to_the_other_runs():
@@ -184,10 +182,7 @@ def test_families_decided_on_are_scored_by_the_cost():
 
 def test_a_label_of_one_unit_gives_a_warning_and_the_split_by_unit_is_not_scored():
     X, y, runs = sub_states()
-    units = [
-        f"{state}-{run % 2}" if state != "spalled" else "S"
-        for state, run in zip(y, runs, strict=True)
-    ]
+    units = [f"{s}-{run % 2}" if s != "spalled" else "S" for s, run in zip(y, runs, strict=True)]
     with pytest.warns(UserWarning, match="confounded: 'spalled' only in 'S'") as caught:
         found = evaluate(GaussianNB(), X, y, runs=runs, units=units)
     assert [warning.filename for warning in caught] == [__file__]
@@ -246,9 +241,7 @@ def test_labels_are_read_from_the_meta_of_recordings():
         y.append("worn" if number % 2 else "new")
         signal = rng.normal(scale=1 + 2 * (number % 2), size=2000)
         meta = {"run": number // 4, "unit": "AB"[number % 4 // 2], "load": number // 2 % 3}
-        recordings.append(
-            Recording({"current": signal}, 500, velocity=np.full(2000, 30.0), meta=meta)
-        )
+        recordings.append(Recording({"current": signal}, 500, velocity=30.0, meta=meta))
     model = make_pipeline(OrderResampler(), OrderPSD(4), GaussianNB())
     options = {"runs": "run", "healthy": "new", "n_splits": 4}
     found = evaluate(model, recordings, y, units="unit", conditions="load", **options)
@@ -410,10 +403,8 @@ def test_a_classifier_for_new_units_learns_from_units_and_others_from_runs(given
             return super().fit(X, y, sample_weight, groups)
 
     options = {"runs": runs} | ({"units": units} if given == "both" else {})
-    product = PosteriorProduct(
-        [("a", OfUnits()), ("b", make_pipeline(StandardScaler(), OfUnits()))]
-    )
-    evaluate(product, X, y, **options, n_splits=2)
+    both = PosteriorProduct([("a", OfUnits()), ("b", make_pipeline(StandardScaler(), OfUnits()))])
+    evaluate(both, X, y, **options, n_splits=2)
     assert set(seen) == {expected}
     seen.clear()
     evaluate(OfRuns(temperature="groups", covariance="tied"), X, y, **options, n_splits=2)

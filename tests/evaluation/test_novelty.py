@@ -116,11 +116,9 @@ def test_the_interval_of_the_area_counts_the_groups_of_the_rarer_kind(n_known, n
         first, second = weight[is_unknown], weight[~is_unknown]
         pairs = first.sum() * second.sum()
         drawn.append(first @ won @ second / pairs if pairs else np.nan)
-    estimate = roc_auc_score(is_unknown, -typicality) if n_known and n_unknown else np.nan
+    auroc = roc_auc_score(is_unknown, -typicality) if n_known and n_unknown else np.nan
     n_groups = min(n_known, n_unknown)
-    expected = GroupBootstrap().interval(
-        "auroc", np.array(drawn), estimate, n_groups, bounds=(0, 1)
-    )
+    expected = GroupBootstrap().interval("auroc", np.array(drawn), auroc, n_groups, bounds=(0, 1))
     found = row[[*expected]].to_numpy(float)
     assert found == pytest.approx(np.array([*expected.values()]), nan_ok=True)
     assert (row["known"], row["unknown"]) == (4 * n_known, 4 * n_unknown)

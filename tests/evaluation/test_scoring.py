@@ -126,9 +126,8 @@ def test_priors_in_service_are_given_the_known_states():
     stated = {"dry": 0.2, "new": 0.5, "worn 1": 0.2, "odd": 0.1}
     rule = scoring_rule(STATES, unknown="odd", priors=stated)
     assert rule.priors == pytest.approx({"dry": 2 / 9, "new": 5 / 9, "worn 1": 2 / 9})
-    assert scoring_rule(STATES, priors="uniform").priors == pytest.approx(
-        dict.fromkeys(STATES, 1 / 3)
-    )
+    uniform = dict.fromkeys(STATES, 1 / 3)
+    assert scoring_rule(STATES, priors="uniform").priors == pytest.approx(uniform)
 
 
 def test_the_same_decision_for_every_recording_is_a_yardstick():

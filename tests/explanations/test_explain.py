@@ -369,10 +369,7 @@ SAME = {"decision": "state 0", "against": "state 0"}
         (lambda: explain_decision(LOGS, ONE.iloc[:, ::-1]), "columns of the fit"),
         (lambda: explain_decision(LOGS, ONE * 0), "'functiontransformer'"),
         (lambda: explain_decision(LOGS, RUN), "give no table"),
-        (
-            lambda: explain_model(LOGS, POWERS.mask(POWERS.iloc[2, 3] == POWERS), TRUTH),
-            "current@3-4",
-        ),
+        (lambda: explain_model(LOGS, POWERS.mask(POWERS.iloc[2, 3] == POWERS), TRUTH), "@3-4"),
         (lambda: explain_model(LOGS, POWERS, ["state 0"] * 44 + ["broken"]), "'broken'"),
         (lambda: explain_model(LOGS, POWERS, ["state 0"] * 45), "one class only"),
         (lambda: explain_model(LOGS, RUN, TRUTH), "a single one"),

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from order_models import log, order_bins
 from sklearn.decomposition import PCA
 from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
@@ -50,15 +51,8 @@ def classifier():
     )
 
 
-def chain(*steps):
-    return make_pipeline(
-        OrderResampler(2 * np.pi / 32), OrderPSD(4), BinTransformer(max_order=12), *steps
-    )
-
-
 def levels(*steps):
-    log = FunctionTransformer(np.log10, feature_names_out="one-to-one")
-    return chain(log, *steps, classifier())
+    return order_bins(log(), *steps, classifier())
 
 
 def fitted(model=None, **options):
@@ -112,9 +106,8 @@ def test_a_line_is_stated_with_its_bin_and_its_level_above_the_training_maximum(
     value, baseline = (table.attrs[name] for name in ("value", "baseline_value"))
     assert table["contribution"].sum() == pytest.approx(value - baseline)
     X = [run(seed, worn=seed % 2 == 1) for seed in range(24)]
-    bins = model[:3].transform([*X, recording])[
-        :, model[2].get_feature_names_out() == "vibration@9-10"
-    ]
+    is_line = model[2].get_feature_names_out() == "vibration@9-10"
+    bins = model[:3].transform([*X, recording])[:, is_line]
     expected = 10 * np.log10(bins[-1, 0] / bins[:-1, 0].max())
     assert words == f"orders 9 to 10 of 'vibration' {expected:.2g} dB above the training maximum"
 
@@ -127,7 +120,7 @@ def test_where_no_bin_is_outside_the_training_the_largest_contributions_are_name
 
 def test_deviations_are_exact_in_decibels_with_and_without_logarithm_and_scaling(model):
     recording = run(50, gain={"vibration": 2.0, "current": 2.0})
-    plain = fitted(chain(classifier()))[0]
+    plain = fitted(order_bins(classifier()))[0]
     tables = [explained(m, recording).set_index("column") for m in (model, plain)]
     for own, table in zip((model, plain), tables, strict=True):
         assert (table["unit"] == "dB").all()
@@ -158,10 +151,10 @@ def test_after_a_projection_the_training_recordings_tell_what_deviates():
 
 
 def test_columns_that_are_no_powers_deviate_by_standard_deviations():
-    log = FunctionTransformer(np.log, feature_names_out="one-to-one")
+    natural = FunctionTransformer(np.log, feature_names_out="one-to-one")
     union = FeatureUnion(
         [
-            ("bins", make_pipeline(OrderPSD(4), BinTransformer(max_order=12), log)),
+            ("bins", make_pipeline(OrderPSD(4), BinTransformer(max_order=12), natural)),
             ("levels", RecordingStatistics(("mean", "std"), by_direction=False)),
         ],
         verbose_feature_names_out=False,

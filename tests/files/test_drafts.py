@@ -63,9 +63,7 @@ def parquet(path):
 
 
 def by_library(path):
-    columns, rates, units = (
-        {name: one[place] for name, one in CHANNELS.items()} for place in range(3)
-    )
+    columns, rates, units = ({name: one[k] for name, one in CHANNELS.items()} for k in range(3))
     write(path, columns, fs=rates, units=units)
 
 

@@ -16,10 +16,7 @@ from emacm.files import folder as files
 FS = 2048.0
 TIMES = np.arange(3000) / FS
 SPEED = 60 + 9 * np.sin(3 * TIMES)
-SIGNALS = {
-    "vibration": np.sin(7.3 * np.cumsum(SPEED) / FS) + 0.1,
-    "current": np.cos(900 * TIMES) - 2.5,
-}
+SIGNALS = {"vibration": np.sin(7.3 * np.cumsum(SPEED) / FS), "current": np.cos(900 * TIMES) - 2.5}
 META = {"unit": "B7", "state": "worn"}
 LAYOUT = Layout(fs=FS, velocity="speed", units={"vibration": "g"}, meta="{unit}_{state}")
 
@@ -153,11 +150,9 @@ def test_a_folder_without_files_is_an_error(folder):
 def test_a_bearing_file_is_read_by_wildcards(tmp_path):
     content = {"X097_DE_time": SIGNALS["vibration"][:, None], "X097RPM": [[1796.0]]}
     scipy.io.savemat(tmp_path / "97.mat", content)
-    layout = Layout(
-        fs=12_000, channels={"DE": "*_DE_time"}, velocity="*RPM", units={"X097RPM": "rpm"}
-    )
+    layout = Layout(fs=FS, channels={"DE": "*_DE_time"}, velocity="*RPM", units={"X097RPM": "rpm"})
     opened = open_recording(tmp_path / "97.mat", layout)
-    assert opened == Recording({"DE": SIGNALS["vibration"]}, 12_000, velocity=1796.0 * (np.pi / 30))
+    assert opened == Recording({"DE": SIGNALS["vibration"]}, FS, velocity=1796.0 * (np.pi / 30))
 
 
 @pytest.mark.parametrize(("width", "scale"), [(1, 128), (2, 1 << 15), (4, 1 << 31)])

@@ -92,11 +92,7 @@ def test_an_angle_may_be_wrapped_and_in_any_unit(tmp_path, unit, period, wrapped
         ({"velocity": "rpm"}, {"rpm": ANGLE}, r"the unit of 'rpm' is not stated"),
         ({"velocity": "n"}, {"c": ANGLE}, r"no column 'n'; .* may give several names: 'n\|b'"),
         ({"velocity": "n|m"}, {"c": ANGLE}, r"no column 'n\|m'"),
-        (
-            {"angle": "deg"},
-            {"deg": ANGLE},
-            r"than rad\. State it .* \[units\]: 'deg' = 'deg'",
-        ),
+        ({"angle": "deg"}, {"deg": ANGLE}, r"than rad\. State it .* \[units\]: 'deg' = 'deg'"),
         ({"velocity": "3 knots"}, {}, "known are 'rad/s', 'rpm', 'rev/s', 'deg/s'"),
         ({"velocity": "n*"}, {"n1": ANGLE, "n2": ANGLE}, "matches several columns"),
         ({"velocity": "n [Hz]"}, {"n [rpm]": ANGLE}, "unit 'hz' for 'n', but the file"),
@@ -176,9 +172,7 @@ def test_a_table_of_meta_may_have_semicolons_but_must_name_the_files(tmp_path):
     (tmp_path / "meta.csv").write_text("file;unit\na.csv;001\n", encoding="utf-8-sig")
     assert Layout(velocity=1.0, meta=str(tmp_path / "meta.csv")).meta_of("a.csv") == {"unit": "001"}
     (tmp_path / "meta.csv").write_text("name,unit\na.csv,001\n")
-    with pytest.raises(
-        ValueError, match=r"meta.csv' has no column 'file', only \['name', 'unit'\]"
-    ):
+    with pytest.raises(ValueError, match=r"meta.csv' has no column 'file', only \['name"):
         Layout(velocity=1.0, meta=str(tmp_path / "meta.csv"))
 
 

@@ -57,9 +57,8 @@ def test_a_ratio_holds_for_speeds_and_tachometers(tmp_path):
 def test_currents_are_channels_and_columns_of_a_sensor_are_not(tmp_path):
     currents = {"currents": ["ia", "ib", "ic"], "pole_pairs": 3}
     assert {"ia", "ib", "ic"} < {*angle_by(tmp_path, angle=currents, channels=None).channels}
-    assert {"s", "c"}.isdisjoint(
-        angle_by(tmp_path, angle={"resolver": ["s", "c"]}, channels=None).channels
-    )
+    resolver = {"resolver": ["s", "c"]}
+    assert {"s", "c"}.isdisjoint(angle_by(tmp_path, angle=resolver, channels=None).channels)
 
 
 def test_the_angle_may_be_found_in_a_vibration_whose_speed_is_known_in_rev_per_s(tmp_path):

@@ -142,13 +142,11 @@ def test_a_sink_of_another_form_is_refused(text, word):
         sink_of(text)
 
 
-@pytest.mark.parametrize(
-    "url", ["mqtt://host", "mqtt:///topic", "mqtt://a:secret@host/topic", "mqtt://host/a/+"]
-)
-def test_an_address_that_is_no_topic_of_a_broker_is_refused(url, tmp_path):
+@pytest.mark.parametrize("address", ["host", "/topic", "a:secret@host/topic", "host/a/+"])
+def test_an_address_that_is_no_topic_of_a_broker_is_refused(address, tmp_path):
     pytest.importorskip("paho.mqtt", reason="extra 'mqtt'")
     with pytest.raises(ValueError, match="EMACM_MQTT_PASSWORD"):
-        sinks_of([url, str(tmp_path / "h.sqlite")])
+        sinks_of([f"mqtt://{address}", str(tmp_path / "h.sqlite")])
 
 
 def test_two_histories_are_refused(tmp_path):

@@ -123,9 +123,8 @@ def helical_rolling(ball, lead, contact_angle):
     v, _ = np.linalg.solve([[1, at_nut_turning], [1, at_screw_turning]], [0, screw @ along])
     orbit = v * along[1] / radius / (2 * pi)
     # Seen along with the ball, the nut runs back along its path, and that turns the ball.
-    nut = -(
-        np.cross([0, 0, 2 * pi * orbit], [radius, 0, 0] + contact) + [0, 0, 2 * pi * orbit * rise]
-    )
+    turn = 2 * pi * orbit
+    nut = -(np.cross([0, 0, turn], [radius, 0, 0] + contact) + [0, 0, turn * rise])
     return orbit, abs(nut @ along / (ball / 2)) / (2 * pi)
 
 
@@ -192,7 +191,7 @@ def test_bands_define_bins_and_orders_are_marked_in_the_figure():
     psd = OrderTable(np.ones((2, 65)), order_columns(["vibration"], np.arange(65) / 8))
     bins = BinTransformer(edges=bands).set_output(transform="pandas").fit_transform(psd)
     assert list(bins.columns) == [
-        f"vibration@{name}" for name in ("FTF", "BSF", "BPFO", "2xBSF", "BPFI")
+        f"vibration@{name}" for name in ["FTF", "BSF", "BPFO", "2xBSF", "BPFI"]
     ]
     assert np.allclose(bins["vibration@BPFI"], 0.02 * table["order"]["BPFI"])
     ax = Figure().subplots()

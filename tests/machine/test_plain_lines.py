@@ -99,9 +99,7 @@ def test_a_broken_tooth_is_found_on_a_gear_rig_and_sound_gears_are_not_named():
         pytest.skip("no recordings of the gear rig; set EMACM_DATA to their folder")
     pair, runs = Gear(32, 80), {}
     with np.load(file) as stored:
-        for name in (
-            f"{state}_{load}" for state in ("healthy", "broken") for load in range(0, 81, 20)
-        ):
+        for name in (f"{s}_{load}" for s in ("healthy", "broken") for load in range(0, 81, 20)):
             signals = dict(zip("ab", stored[name].T[:2].astype(float), strict=True))
             speed = TURN * float(stored[f"{name}/shaft_hz"])
             load = int(name.partition("_")[2])

@@ -85,9 +85,7 @@ def test_without_phase_features_do_not_see_where_the_wave_stands():
 
 
 def test_without_phase_machines_that_are_put_together_anew_are_recognised():
-    known, found = (
-        {s: k + turn for k, s in zip((0, 2, 4), STATES, strict=True)} for turn in (0, 2)
-    )
+    known, found = ({s: k + t for k, s in zip((0, 2, 4), STATES, strict=True)} for t in (0, 2))
     X = [actuator(s, 20, seed, wave=known[s]) for seed in range(5) for s in STATES]
     y = [x.meta["state"] for x in X]
     new = [actuator(s, 20, 100 + seed, wave=found[s]) for seed in range(2) for s in STATES]

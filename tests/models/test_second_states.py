@@ -2,19 +2,10 @@
 
 import numpy as np
 import pytest
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from order_models import log, order_bins
+from sklearn.preprocessing import StandardScaler
 
-from emacm import (
-    BinTransformer,
-    CostSensitiveGaussianBayes,
-    OrderPSD,
-    OrderResampler,
-    Recording,
-    explain_decision,
-    maintenance_report,
-    score,
-)
+from emacm import CostSensitiveGaussianBayes, Recording, explain_decision, maintenance_report, score
 
 ORDERS = {"ring": 6.3, "screw": 9.4}
 
@@ -32,14 +23,9 @@ def model():
     faults = [(), ("ring",), ("screw",)] * 8
     runs = [run(seed, *own) for seed, own in enumerate(faults)]
     states = ["".join(own) or "healthy" for own in faults]
-    return make_pipeline(
-        OrderResampler(2 * np.pi / 32),
-        OrderPSD(4),
-        BinTransformer(max_order=12),
-        FunctionTransformer(np.log10, feature_names_out="one-to-one"),
-        StandardScaler(),
-        CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto"),
-    ).fit(runs, states, costsensitivegaussianbayes__groups=np.arange(24))
+    bayes = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto")
+    groups = {"costsensitivegaussianbayes__groups": np.arange(24)}
+    return order_bins(log(), StandardScaler(), bayes).fit(runs, states, **groups)
 
 
 def test_score_names_the_line_that_the_decided_fault_does_not_explain(model):

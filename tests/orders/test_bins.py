@@ -47,16 +47,6 @@ def table(orders, *rows, channel="current"):
 # Edges
 
 
-@pytest.mark.parametrize(
-    ("bin_size", "max_order", "edges"),
-    [(1, 3, [0, 1, 2, 3]), (0.4, 1, [0, 0.4, 0.8, 1]), (0.1, 0.5, [0, 0.1, 0.2, 0.3, 0.4, 0.5])],
-)
-def test_bins_adjoin_without_rounding_errors_and_the_last_may_be_narrower(
-    bin_size, max_order, edges
-):
-    assert bin_edges(bin_size, max_order) == list(pairwise(edges))
-
-
 @given(st.floats(0.01, 100), st.floats(0.01, 100))
 def test_bins_adjoin_from_0_to_the_highest_order(bin_size, max_order):
     edges = bin_edges(bin_size, max_order)

@@ -158,21 +158,16 @@ def test_other_names_carry_no_axis(columns):
 
 
 @pytest.mark.parametrize(
-    "columns", [["unit", "a@0", "a@1"], ["a@0", "unit", "a@1"], ["a@0", "a@1", "unit"]]
+    ("columns", "message"),
+    [
+        *((text, "'a@0' and 'unit'.*Select") for text in ("unit a@0", "a@0 unit a@1", "a@0 unit")),
+        ("a@0 a@2 a@1", "must increase, but column 'a@1' follows 'a@2'"),
+        ("a@0 b@0 a@1", r"adjacent.*\['a', 'b', 'a'\]"),
+    ],
 )
-def test_a_stranger_among_order_columns_is_named_beside_one_of_them(columns):
-    with pytest.raises(ValueError, match=r"'a@0' and 'unit'.*Select"):
-        parse_order_columns(columns)
-
-
-def test_orders_that_do_not_increase_are_refused_with_their_names():
-    with pytest.raises(ValueError, match=r"must increase, but column 'a@1' follows 'a@2'"):
-        parse_order_columns(["a@0", "a@2", "a@1"])
-
-
-def test_a_channel_in_two_places_is_refused():
-    with pytest.raises(ValueError, match=r"adjacent.*\['a', 'b', 'a'\]"):
-        parse_order_columns(["a@0", "b@0", "a@1"])
+def test_columns_that_make_no_axis_are_refused_by_name(columns, message):
+    with pytest.raises(ValueError, match=message):
+        parse_order_columns(columns.split())
 
 
 def test_names_must_be_those_of_fit():

@@ -168,10 +168,8 @@ def test_lines_pass_through_the_bin_transformer_and_agree_with_own_bins(over_ang
 
 
 def test_a_recording_does_not_depend_on_others(over_angle):
-    estimator = OrderCrossSpectrum(4).fit(over_angle)
-    np.testing.assert_array_equal(
-        estimator.transform(over_angle)[1:2], estimator.transform(over_angle[1:2])
-    )
+    transform = OrderCrossSpectrum(4).fit(over_angle).transform
+    np.testing.assert_array_equal(transform(over_angle)[1:2], transform(over_angle[1:2]))
 
 
 def test_it_is_searched_and_decides_beside_the_power_spectrum():
@@ -230,9 +228,7 @@ def test_a_stuck_sensor_has_no_response_whatever_its_level(level, kind):
     motion = {"velocity": np.full(5000, 60.0)}
     channels = {"a": np.full(5000, level, kind), "b": np.sin(np.arange(5000.0)).astype(kind)}
     rows = RESAMPLER.fit_transform([Recording(channels, 500, **motion)])
-    with pytest.raises(
-        ValueError, match=r"channel 'a' has no power at any order.*Check its sensor"
-    ):
+    with pytest.raises(ValueError, match=r"channel 'a' has no power at .*Check its sensor"):
         OrderCrossSpectrum(4).fit_transform(rows)
 
 

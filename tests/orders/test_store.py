@@ -88,9 +88,7 @@ def test_meta_does_not_count(calls, tmp_path):
         run(0, velocity=np.full(4 * FS, 50.0)),
         run(0, velocity=None, angle=np.linspace(0, 200, 4 * FS)),
         Recording({"current": run(0).signals["current"]}, 501, velocity=run(0).velocity),
-        Recording(
-            {"current": run(0).signals["current"].astype(np.float32)}, FS, velocity=run(0).velocity
-        ),
+        Recording({"current": np.float32(run(0).signals["current"])}, FS, velocity=run(0).velocity),
     ],
     ids=["velocity", "angle", "rate", "float32"],
 )

@@ -8,11 +8,7 @@ import pytest
 from sklearn.linear_model import LogisticRegression
 
 from emacm import ConditionRouter, Recording
-from emacm.recordings.meta import (
-    plain_label,
-    read_grouping,
-    read_meta,
-)
+from emacm.recordings.meta import plain_label, read_grouping, read_meta
 
 
 def runs(*metas):
@@ -32,19 +28,15 @@ def test_a_key_a_tuple_and_a_function_read_the_same_values(X):
         return facts["unit"], facts["load"]
 
     assert read_meta(X, "load") == [40, 100, 20]
-    assert (
-        read_meta(X, ("unit", "load")) == read_meta(X, both) == [("B", 40), ("A", 100), ("B", 20)]
-    )
+    pairs = [("B", 40), ("A", 100), ("B", 20)]
+    assert read_meta(X, ("unit", "load")) == read_meta(X, both) == pairs
     assert [type(load) for load in read_meta(X, "load")] == [int] * 3
 
 
-@pytest.mark.parametrize(
-    "values",
-    [[7, 3, 5], np.array([7, 3, 5]), pd.Series([7, 3, 5]), pd.Index([7, 3, 5])],
-)
-def test_an_array_is_read_as_it_is(values):
-    assert read_meta(FLEET, values, arrays=True) == [7, 3, 5]
-    assert read_grouping(values, FLEET, "runs", "run").labels.tolist() == [7, 3, 5]
+@pytest.mark.parametrize("form", [list, np.array, pd.Series, pd.Index])
+def test_an_array_is_read_as_it_is(form):
+    assert read_meta(FLEET, form([7, 3, 5]), arrays=True) == [7, 3, 5]
+    assert read_grouping(form([7, 3, 5]), FLEET, "runs", "run").labels.tolist() == [7, 3, 5]
 
 
 def test_labels_are_named_by_their_key_or_series():

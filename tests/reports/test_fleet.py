@@ -50,9 +50,8 @@ def pages():
     """Return eight pages with their truths; the model is of other pumps."""
     states = ["healthy", "outer", "inner"] * 8
     bayes = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto")
-    model = bearing_recipe(PARTS, classifier=bayes).fit(
-        [pump(s, k) for k, s in enumerate(states)], states
-    )
+    X = [pump(state, seed) for seed, state in enumerate(states)]
+    model = bearing_recipe(PARTS, classifier=bayes).fit(X, states)
     settings = read_settings(model, parts=PARTS)
     truths = ["healthy"] * 4 + ["outer", "inner"] * 2
     new = [(truth, pump(truth, 100 + k)) for k, truth in enumerate(truths)]

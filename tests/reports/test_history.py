@@ -22,10 +22,7 @@ def since(history, times):
     ("earlier", "text"),
     [
         (table("ok", "worn", "worn"), "Since cycle 200, in 3 recordings in a row; before that, "),
-        (
-            table("ok", "worn", "ok"),
-            "New: the recording before, of this unit, was 'ok' (cycle 300).",
-        ),
+        (table("ok", "worn", "ok"), "New: the recording before, of this unit, was 'ok' (cycle 300"),
         (table("worn", "worn"), "Since cycle 100, in 3 recordings in a row: in all that are known"),
         (table(), "No earlier result of this unit is known."),
     ],

@@ -31,10 +31,7 @@ MOTIONS = {
         lambda t: TURN * 15 * t + 8 * (1 - np.cos(TURN * t)),
         lambda t: TURN * (15 + 8 * np.sin(TURN * t)),
     ),
-    "reversing": (
-        lambda t: 48 * (1 - np.cos(np.pi * t)),
-        lambda t: TURN * 24 * np.sin(np.pi * t),
-    ),
+    "reversing": (lambda t: 48 * (1 - np.cos(np.pi * t)), lambda t: TURN * 24 * np.sin(np.pi * t)),
 }
 REFERENCES = {
     "angle": lambda angle, velocity: {"angle": angle},
@@ -120,9 +117,8 @@ def gains(resampled, angles, orders):
 
 def power_up_to(top, resampled, samples_per_rev):
     """Power of each row in orders up to `top`, away from the ends."""
-    orders, psd = order_psd(
-        resampled[..., 60:-60], samples_per_rev, revolutions=8, window="blackmanharris"
-    )
+    options = {"revolutions": 8, "window": "blackmanharris"}
+    orders, psd = order_psd(resampled[..., 60:-60], samples_per_rev, **options)
     return psd[..., orders <= top].sum(axis=-1) * orders[1]
 
 

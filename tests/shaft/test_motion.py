@@ -10,11 +10,7 @@ from motions import stroke_paths
 
 from emacm._kernels import using
 from emacm.shaft.angle import angle_from_velocity
-from emacm.shaft.motion import (
-    DifferentiatedVelocity,
-    IntegratedAngle,
-    ShaftPath,
-)
+from emacm.shaft.motion import DifferentiatedVelocity, IntegratedAngle, ShaftPath
 
 FS = 1000.0
 N_TIMES = 3000

@@ -11,11 +11,7 @@ from hypothesis import strategies as st
 from motions import FS, TIME, TURN, turned
 from scipy.interpolate import CubicSpline
 
-from emacm.shaft.tacho import (
-    angle_from_pulses,
-    angle_from_tacho,
-    pulse_times,
-)
+from emacm.shaft.tacho import angle_from_pulses, angle_from_tacho, pulse_times
 
 one_way = pytest.mark.parametrize("motion", ["constant", "ramp", "sinusoidal"])
 
@@ -48,9 +44,8 @@ def test_pulse_times_are_interpolated_between_samples():
 
 def test_falling_edges_are_rising_edges_of_the_negative():
     wave = np.sin(TURN * 10 * TIME + 1)
-    np.testing.assert_allclose(
-        pulse_times(wave, FS, edge="falling"), pulse_times(-wave, FS), atol=1e-12
-    )
+    falling = pulse_times(wave, FS, edge="falling")
+    np.testing.assert_allclose(falling, pulse_times(-wave, FS), atol=1e-12)
 
 
 # Pulses to angle

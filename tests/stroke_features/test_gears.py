@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 
 from emacm import GearIndicators, OrderResampler, Recording, SynchronousAverage
-from emacm.stroke_features.gears import (
-    phase_modulation,
-    residual_signal,
-)
+from emacm.stroke_features.gears import phase_modulation, residual_signal
 from emacm.stroke_features.statistics import normalized_moment
 
 TURN = 2 * np.pi
@@ -63,11 +60,9 @@ def test_one_missing_tooth_raises_fm4_and_more_for_m6a():
 def test_phase_modulation_is_the_error_of_the_angle_times_the_teeth(teeth, error):
     angle = TURN * np.arange(16 * teeth) / (16 * teeth)
     wrong = angle + error * np.sin(angle + 0.7)
-    eccentric = (1 + 0.3 * np.cos(angle)) * (
-        np.cos(teeth * wrong) + 0.4 * np.sin(2 * teeth * wrong)
-    )
+    wheel = (1 + 0.3 * np.cos(angle)) * (np.cos(teeth * wrong) + 0.4 * np.sin(2 * teeth * wrong))
     noise = 0.01 * np.random.default_rng(0).normal(size=(2, len(angle)))
-    found = phase_modulation(eccentric + noise[0], teeth)
+    found = phase_modulation(wheel + noise[0], teeth)
     assert found == pytest.approx(error * teeth, rel=0.12, abs=0.01)
     # Without a mesh, also where a resonance stands in its place: noise near it is as high.
     order = np.arange(len(angle) // 2 + 1) / teeth

@@ -92,24 +92,6 @@ def test_joined_directions_have_no_shaft_angle():
         lines(joined)
 
 
-@pytest.mark.parametrize(
-    ("parameters", "error", "message"),
-    [
-        ({"orders": 1}, TypeError, "orders must be a list of numbers"),
-        ({"orders": "12"}, TypeError, "orders must be a list of numbers"),
-        ({"orders": []}, ValueError, "each order once"),
-        ({"orders": [1, 1.0]}, ValueError, "each order once"),
-        ({"orders": (1, -1)}, ValueError, "an order must be a number above 0, got -1"),
-        ({"phase": "yes"}, ValueError, "phase must be one of 'absolute', 'relative', None"),
-        ({"phase": True}, ValueError, "phase must be one of"),
-        ({"n_sections": 0}, ValueError, "n_sections must be a whole number of at least 1"),
-    ],
-)
-def test_wrong_parameters_are_refused(parameters, error, message):
-    with pytest.raises(error, match=message):
-        lines([recording(MOTIONS["constant"], TIMES)], **parameters)
-
-
 # Coefficients
 
 STEP = TURN / 64

@@ -75,25 +75,8 @@ def test_a_slope_lets_each_stroke_have_a_level_of_its_own():
 
 
 def test_a_constant_channel_is_named_with_its_strokes():
-    with pytest.raises(
-        ValueError,
-        match="recording 0: channel 'current', forward strokes: the kurtosis of a",
-    ):
+    with pytest.raises(ValueError, match=r"recording 0: channel 'current', forward .* kurtosis"):
         described(np.full(SPEED.size, 2.0))
-
-
-@pytest.mark.parametrize(
-    ("parameters", "error", "message"),
-    [
-        ({"statistics": ("median",)}, ValueError, "a statistic must be one of .*; got 'median'"),
-        ({"statistics": ()}, ValueError, "statistics must contain each name once"),
-        ({"statistics": "rms"}, TypeError, "statistics must be a list of names, got 'rms'"),
-    ],
-)
-def test_wrong_parameters_are_refused(parameters, error, message):
-    X = [Recording({"current": SPEED}, FS, angle=ANGLE)]
-    with pytest.raises(error, match=message):
-        RecordingStatistics(**parameters).fit(X)
 
 
 # Signals

@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from sklearn.base import clone
 
-from emacm import (
-    OrderResampler,
-    Recording,
-    RecordingStatistics,
-    ShaftHarmonics,
-    StrokeProfile,
-)
+from emacm import OrderResampler, Recording, RecordingStatistics, ShaftHarmonics, StrokeProfile
 
 TURN = 2 * np.pi
 THETA_S = TURN / 32
@@ -54,6 +48,29 @@ def over_angle(recordings, **options):
 
 def forward_only():
     return run(99, velocity=np.full(2000, 30.0))
+
+
+@pytest.mark.parametrize(
+    ("features", "error", "message"),
+    [
+        (RecordingStatistics(("median",)), ValueError, "statistic must be one of .*; got 'median'"),
+        (RecordingStatistics(()), ValueError, "statistics must contain each name once"),
+        (RecordingStatistics("rms"), TypeError, "statistics must be a list of names, got 'rms'"),
+        (StrokeProfile(0), ValueError, "n_coefficients must be a whole number of at least 1"),
+        (StrokeProfile(2.5), TypeError, "n_coefficients must be a whole number"),
+        (ShaftHarmonics(1), TypeError, "orders must be a list of numbers"),
+        (ShaftHarmonics("12"), TypeError, "orders must be a list of numbers"),
+        (ShaftHarmonics([]), ValueError, "each order once"),
+        (ShaftHarmonics([1, 1.0]), ValueError, "each order once"),
+        (ShaftHarmonics((1, -1)), ValueError, "an order must be a number above 0, got -1"),
+        (ShaftHarmonics(phase="yes"), ValueError, "phase must be one of 'absolute', 'relative', N"),
+        (ShaftHarmonics(phase=True), ValueError, "phase must be one of"),
+        (ShaftHarmonics(n_sections=0), ValueError, "n_sections must be a whole number of at least"),
+    ],
+)
+def test_wrong_parameters_of_one_kind_are_refused(features, error, message):
+    with pytest.raises(error, match=message):
+        features.fit(FLEET)
 
 
 @kinds

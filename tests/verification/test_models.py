@@ -1,7 +1,6 @@
 """A model file states its evidence: as a card, and to be computed again."""
 
 import json
-import shutil
 from hashlib import sha256
 from pathlib import Path
 
@@ -19,9 +18,9 @@ AGAIN = ["--layout", "layout.toml", "--data", "files"]
 
 
 @pytest.fixture(scope="module")
-def trained(tmp_path_factory):
+def bench(tmp_path_factory):
     """Return a folder with the files of three units, and a model that was trained on them."""
-    folder = tmp_path_factory.mktemp("trained")
+    folder = tmp_path_factory.mktemp("bench")
     (folder / "files").mkdir()
     rng = np.random.default_rng(0)
     for number in range(12):
@@ -39,12 +38,6 @@ def trained(tmp_path_factory):
         command = ["train", "layout.toml", "files", *keys, *stated, "--out", "model.emacm"]
         assert main(command) == 0
     return folder
-
-
-@pytest.fixture
-def here(trained, tmp_path, monkeypatch):
-    """Stand in a copy of this folder."""
-    monkeypatch.chdir(shutil.copytree(trained, tmp_path / "here"))
 
 
 def test_the_evidence_is_computed_again_and_a_changed_file_is_found(here, capsys):
