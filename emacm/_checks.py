@@ -226,8 +226,12 @@ def group_codes(groups: Any, n_recordings: int) -> NDArray[np.intp]:
     return codes
 
 
-def positive_weights(sample_weight: ArrayLike | None, n_recordings: int) -> NDArray[np.float64]:
+def positive_weights(
+    sample_weight: ArrayLike | None, n_recordings: int, before: float = 0.0
+) -> NDArray[np.float64]:
     """Return one finite, non-negative weight per recording; None is a weight of 1 each.
+
+    With a weight of recordings `before` these, all of them may be 0.
 
     Raises
     ------
@@ -254,6 +258,6 @@ def positive_weights(sample_weight: ArrayLike | None, n_recordings: int) -> NDAr
         raise ValueError(
             f"sample_weight must be finite, at least 0, got {weight[first]} at recording {first}."
         )
-    if not weight.sum() > 0:
+    if not before + weight.sum() > 0:
         raise ValueError("sample_weight must not be zero for every recording.")
     return weight

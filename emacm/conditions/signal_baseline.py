@@ -387,10 +387,10 @@ class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ig
     ) -> None:
         """Raise if recordings differ from those of `fit`, or cannot have a baseline."""
         check_alike(rows, channels, theta_s, "SignalBaseline")
-        if any(row.direction == "travel" for row in rows):
+        if any(row.direction == "travel" or isinstance(row, ResidualRecording) for row in rows):
             raise ValueError(
-                "SignalBaseline needs strokes of one direction each, but direction='travel' of "
-                "OrderResampler joins them. Use direction='strokes'."
+                "SignalBaseline needs strokes of one direction each, which direction='travel' of "
+                "OrderResampler joins, and no residuals. Use direction='strokes', and it once."
             )
 
 

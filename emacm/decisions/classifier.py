@@ -276,7 +276,8 @@ class CostSensitiveGaussianBayes(LeftOutMixin, ClassifierMixin, SavedEstimator):
         X, y = validate_data(self, X, y, dtype=np.float64, reset=known is None)
         check_classification_targets(y)
         labels = agreed_classes(classes, known)
-        weight = positive_weights(sample_weight, len(X))
+        before = 0.0 if known is None else self._moments.counts.sum()
+        weight = positive_weights(sample_weight, len(X), before)
         codes = np.array(label_positions(y.tolist(), labels.tolist(), "y", "class"), np.intp)
         moments = class_moments(X, codes, len(labels), weight, self.covariance, self.shrinkage)
         if known is not None:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -257,6 +257,8 @@ def truth_labels(classes: NDArray[Any], unknown: Any) -> NDArray[Any]:
     """
     if unknown is None:
         return classes
+    if not isinstance(unknown, Hashable) or unknown != unknown:
+        raise TypeError(f"unknown must be a label such as 'unknown', or None; got {unknown!r}.")
     known = plain_labels(classes.tolist())
     if unknown in known:
         raise ValueError(
@@ -559,7 +561,8 @@ def _check_axes(cost: pd.DataFrame) -> None:
 
 def _square(cost: Any, known: list[Any], truths: list[Any]) -> NDArray[Any]:
     """Return costs that are given as an array, in the order of the classes."""
-    array = check_real_array(cost, "cost")
+    check_unmasked(cost, "cost")
+    array = np.asarray(cost, dtype=object)  # which numbers they are is checked one by one
     if array.shape not in {(len(known),) * 2, (len(truths),) * 2}:
         raise ValueError(
             f"cost must be a square array of shape {(len(known),) * 2}, rows = decisions and "

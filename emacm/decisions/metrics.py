@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import check_consistent_length
 
-from emacm._checks import positive_weights
+from emacm._checks import located, positive_weights
 from emacm.decisions.costs import (
     check_pairs,
     cost_table,
@@ -305,4 +305,5 @@ def _metric_classes(cost: Any, truths: list[Any], chosen: list[Any]) -> NDArray[
         check_pairs(cost)
         decisions, causes = (set(labels) for labels in zip(*cost, strict=True))
         found = {*truths, *causes, *(set(chosen) - decisions)}
-    return np.asarray(sorted(found))
+    with located("labels of different types have no order, give labels=..., the classes"):
+        return np.asarray(sorted(found))

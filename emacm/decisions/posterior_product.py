@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from sklearn.base import ClassifierMixin
+from sklearn.utils import Bunch
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import located
@@ -134,7 +135,7 @@ class PosteriorProduct(CombinedRiskMixin, ClassifierMixin, SavedEstimator):
                 fitted[name] = LeastRiskClassifier(member).fit(X, y, **options)
         self._members = fitted
         self.classes_ = next(iter(fitted.values())).classes_
-        self.named_estimators_ = {name: m.estimator_ for name, m in fitted.items()}
+        self.named_estimators_ = Bunch(**{name: m.estimator_ for name, m in fitted.items()})
         self.estimators_ = list(self.named_estimators_.values())
         self._cost_table()
         self._agreed("unknown_rate")
@@ -168,7 +169,7 @@ class PosteriorProduct(CombinedRiskMixin, ClassifierMixin, SavedEstimator):
         """Return parameters; with `deep`, also members, and theirs as ``name__parameter``."""
         parameters = super().get_params()
         for name, member in self._named_pairs().items() if deep else ():
-            inner = member.get_params(deep=True)
+            inner = member.get_params() if hasattr(member, "get_params") else {}
             parameters |= {name: member} | {f"{name}__{key}": inner[key] for key in inner}
         return parameters
 

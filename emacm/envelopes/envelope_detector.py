@@ -8,7 +8,7 @@ from typing import Any
 
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import located
+from emacm._checks import check_choice, located
 from emacm.envelopes.envelope import EnvelopeSeries, check_bands, warn_of_long_filter
 from emacm.envelopes.kurtogram import kurtogram
 from emacm.recordings.inputs import RecordingTransformer, as_recordings, for_each
@@ -113,6 +113,7 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
             low for a band; the message names both.
         """
         recordings = as_recordings(X, "EnvelopeDetector")
+        check_choice(self.squared, "squared", (True, False))
         chosen = chosen_channels(self.channels, recordings[0].channels)
         self.bands_ = dict.fromkeys(chosen, check_bands(self.band))
         # The names of the channels do not depend on the band that a kurtogram selects.

@@ -76,7 +76,7 @@ def check_edges(edges: ArrayLike | Mapping[str, Band]) -> dict[str, Band] | list
         if not edges:
             raise ValueError("edges must name at least one band, got an empty mapping.")
         for name in edges:
-            if not isinstance(name, str):
+            if not isinstance(name, str) or not name:
                 raise TypeError(f"bands in edges must be named by strings, got {name!r}.")
         bands = {name: _check_band(band, f"band {name!r} of edges") for name, band in edges.items()}
         for name, band in bands.items():
@@ -102,10 +102,12 @@ def check_stop_bands(stop_bands: Sequence[Band]) -> list[Band]:
     Raises
     ------
     TypeError
-        If a band is no pair of numbers.
+        If it is not a sequence of pairs of numbers.
     ValueError
         If a band does not run from a lower to a higher order.
     """
+    if not np.iterable(stop_bands):
+        raise TypeError(f"stop_bands must be pairs such as ((low, high),), got {stop_bands!r}.")
     bands = sorted(_check_band(b, f"stop band {i}") for i, b in enumerate(stop_bands))
     joined: list[Band] = []
     for low, high in bands:

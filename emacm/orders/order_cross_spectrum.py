@@ -346,9 +346,11 @@ class OrderCrossSpectrum(WelchEstimator):
         self.pairs_ = _checked_pairs(self.pairs, rows[0].channels)
         self.channels_ = tuple(dict.fromkeys(name for pair in self.pairs_ for name in pair))
         self._names_in, self._n_in = rows[0].channels, len(rows[0].channels)
-        self._kinds = (self.kind,) if isinstance(self.kind, str) else tuple(self.kind)
+        self._kinds = tuple(np.atleast_1d(self.kind).tolist())
         for kind in self._kinds:
             check_choice(kind, "kind", KINDS)
+        if not 0 < len({*self._kinds}) == len(self._kinds):
+            raise ValueError(f"kind must name one or more of {KINDS}, each once, got {self.kind}.")
         self._form = check_choice(self.form, "form", tuple(FORMS))
         self._set_plan(samples_per_revolution(self.theta_s_))
         self._check_rows(rows)
@@ -452,7 +454,9 @@ def _with_peaks(
 
 
 def _checked_pairs(pairs: Any, channels: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    checked = tuple(combinations(channels, 2) if pairs is None else map(tuple, pairs))
+    listed = list(combinations(channels, 2)) if pairs is None else pairs
+    is_list = np.iterable(listed) and not any(isinstance(pair, str) for pair in listed)
+    checked = tuple(map(tuple, listed)) if is_list else ()
     wrong = [p for p in checked if len(p) != 2 or p[0] == p[1] or not {*p} <= {*channels}]
     if wrong or not checked or len(set(checked)) < len(checked):
         raise ValueError(

@@ -185,6 +185,8 @@ class OrderPSD(WelchEstimator):
             If a parameter or X is invalid.
         """
         check_choice(self.by_direction, "by_direction", (True, False, "auto"))
+        for seen in ("n_features_in_", "feature_names_in_"):
+            self.__dict__.pop(seen, None)  # of an earlier fit on a table
         rows = self._checked(X, reset=True)
         self.by_direction_ = separates_directions(self.by_direction, rows)
         self._over_angle = isinstance(rows[0], AngleRecording)
@@ -202,9 +204,8 @@ class OrderPSD(WelchEstimator):
                 self._set_plan(1.0, n_per_segment=shortest)
         self.order_step_ = self.plan_.order_step
         self._columns_out = self._column_names()
-        seen = {} if self._over_angle else vars(self)
-        self._names_in = seen.get("feature_names_in_")
-        self._n_in = len(self.channels_) if self._over_angle else seen.get("n_features_in_")
+        self._names_in = vars(self).get("feature_names_in_")
+        self._n_in = len(self.channels_) if self._over_angle else vars(self).get("n_features_in_")
         return self
 
     def transform(self, X: Any) -> NDArray[np.floating]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm._checks import check_choice, check_number
+from emacm._checks import check_choice, check_count, check_number
 from emacm.recordings.recording import Recording
 
 CHAPTER3_ORDERS: Mapping[str, float | None] = {"healthy": None, "defect 1": 3.125, "defect 2": 10.5}
@@ -87,7 +87,8 @@ def chapter3_recording(
     # The label, not its position: another label must not change the noise of this one.
     key = (zlib.crc32(label.encode()), run)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
-    current += sigma * rng.standard_normal(len(times))  # Eq. (3.6)
+    # Eq. (3.6)
+    current += check_number(sigma, "sigma", at_least=0, unit="A") * rng.standard_normal(len(times))
     orders = {} if order is None else {label: (order,)}
     meta = {"label": label, "run": run, "severity": float(len(orders)), "orders": orders}
     return Recording({"current": current}, fs, velocity=velocity, meta=meta)
@@ -129,6 +130,6 @@ def chapter3_recordings(
     recordings = [
         chapter3_recording(label, run, defect_orders=defect_orders, **constants)
         for label in defect_orders
-        for run in range(n_runs)
+        for run in range(check_count(n_runs, "n_runs"))
     ]
     return recordings, np.array([recording.meta["label"] for recording in recordings])

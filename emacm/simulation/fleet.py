@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm._checks import check_choice, check_number
+from emacm._checks import check_choice, check_count, check_number, located
 from emacm.recordings.recording import Recording
 from emacm.simulation.impacts import Array, ball_passage, ringing
 
@@ -160,16 +160,17 @@ def simulate_fleet(
     >>> states.tolist()
     ['healthy', 'healthy', 'screw', 'screw', 'inner ring', 'inner ring']
     """
-    low, high = (check_number(bound, "severity", at_least=0, at_most=1) for bound in severity)
+    with located("severity must be a pair such as (0.3, 0.7)"):
+        low, high = sorted(check_number(x, "severity", at_least=0, at_most=1) for x in severity)
     recordings = []
     for position, state in enumerate(STATES):
-        for number in range(first_unit, first_unit + n_units):
+        for number in range(first_unit, first_unit + check_count(n_units, "n_units")):
             rng = np.random.default_rng([seed, zlib.crc32(state.encode()), number])
             size = rng.uniform(low, high)
             unit = 1_000_000 * position + number  # a range of numbers for each state
             recordings += [
                 simulate_actuator(state, severity=size, unit=unit, run=run, seed=seed)
-                for run in range(1, n_runs + 1)
+                for run in range(1, check_count(n_runs, "n_runs") + 1)
             ]
     states, units = (np.array([r.meta[key] for r in recordings]) for key in ("label", "unit"))
     return recordings, states, units
@@ -299,7 +300,7 @@ class WearLaw:
 def run_to_failure_fleet(
     n_units: int,
     *,
-    law: WearLaw = WearLaw(),
+    law: WearLaw | None = None,
     interval: float = 10.0,
     duration: float = 1.0,
     seed: int = 0,
@@ -340,8 +341,8 @@ def run_to_failure_fleet(
     (0.0, 'healthy')
     """
     recordings = []
-    for unit in range(first_unit, first_unit + n_units):
-        history = law.draw(unit, interval, seed=seed)
+    for unit in range(first_unit, first_unit + check_count(n_units, "n_units")):
+        history = (law or WearLaw()).draw(unit, interval, seed=seed)
         whole = {"onset": history.onset, "life": history.life}
         options: dict[str, Any] = {"unit": unit, "duration": duration, "seed": seed} | whole
         for run, (age, severity) in enumerate(zip(history.ages, history.severity, strict=True), 1):

@@ -124,7 +124,7 @@ class StreamInput(Resumable):
         if isinstance(signals, Mapping):
             check_channel_names(list(signals), self._channels, "the block")
             return signals
-        rows = list(signals)
+        rows = list(signals) if np.iterable(signals) else []
         if len(rows) != len(self._channels):
             raise ValueError(
                 f"signals must map channels to samples, or have a row for each of the channels "

@@ -126,7 +126,7 @@ class ShaftHarmonics(StrokeFeatures):
     def _check_own_parameters(self) -> None:
         orders = np.array(check_orders(self.orders))
         check_choice(self.phase, "phase", tuple(_COLUMNS))
-        check_count(self.n_sections, "n_sections")
+        check_count(self.n_sections, "n_sections", at_most=10_000)
         multiples = orders / orders[0]
         whole = np.isclose(multiples, np.round(multiples), rtol=0, atol=1e-9)
         if self.phase == "relative" and not np.all(whole):

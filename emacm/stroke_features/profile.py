@@ -28,7 +28,7 @@ class StrokeProfile(StrokeFeatures):
     Parameters
     ----------
     n_coefficients : int
-        Number of coefficients for each channel and direction.
+        Number of coefficients for each channel and direction, at most 10000.
     channels : sequence of str, optional
         Channels to describe, in this order. Default: those of the first recording.
     by_direction : bool or "auto"
@@ -91,7 +91,7 @@ class StrokeProfile(StrokeFeatures):
         self.n_coefficients = n_coefficients
 
     def _check_own_parameters(self) -> None:
-        check_count(self.n_coefficients, "n_coefficients")
+        check_count(self.n_coefficients, "n_coefficients", at_most=10_000)
 
     def _feature_names(self) -> list[str]:
         return [f"cosine{k}" for k in range(self.n_coefficients)]

@@ -98,7 +98,7 @@ class RecordingStatistics(StrokeFeatures):
         self.statistics = statistics
 
     def _check_own_parameters(self) -> None:
-        if isinstance(self.statistics, str):
+        if not isinstance(self.statistics, list | tuple | np.ndarray):
             raise TypeError(f"statistics must be a list of names, got {self.statistics!r}.")
         for name in self.statistics:
             check_choice(name, "a statistic", (*STATISTICS, "slope"))

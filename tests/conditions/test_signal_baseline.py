@@ -195,6 +195,7 @@ one = cache(lambda: over_angle([run()]))
 travel = cache(lambda: over_angle([run()], direction="travel"))
 coarse = cache(lambda: over_angle([run()], theta_s=0.1))
 two_channels = cache(lambda: over_angle([run(names=("current", "torque"))]))
+residual = cache(lambda: SignalBaseline().fit_transform(one(), ["healthy"]))
 mixed = cache(lambda: [*two_channels(), *one()])
 OTHER_CHANNEL = Recording({"x": [0.0, 1]}, 1, velocity=[1.0, 1.0], meta={"load": 60})
 NO_LOAD = Recording({"current": [0.0, 1]}, 1, angle=[0.0, 1.0])
@@ -206,6 +207,7 @@ BAD_FITS = [
     ({"healthy": []}, one, ["healthy"], "none of the 1 recordings"),
     ({}, [run()], ["healthy"], r"recording 0 \(load=20\) is over time; put an OrderResampler"),
     ({}, travel, ["healthy"], "needs strokes of one direction each"),
+    ({}, residual, ["healthy"], "no residuals"),
     ({}, mixed, ["healthy"] * 2, r"recording 1 .* has no channel 'torque'"),
     ({"baseline_recordings": run()}, one, ["healthy"], "baseline_recordings: .* not iterable"),
     ({"baseline_recordings": [NO_LOAD]}, one, ["healthy"], "baseline_recordings: .* key 'load'"),
@@ -230,6 +232,7 @@ def test_what_has_no_baseline_is_refused_and_leaves_nothing_fitted(options, X, y
         (new_load, r"recording 1 .* has load=60, .* of \[20\] only"),
         (two_channels, "recording 0 .* has a channel 'torque'"),
         (coarse, r"recording 0 .* was resampled with theta_s = 0\.1, but"),
+        (residual, "no residuals"),
     ],
 )
 def test_recordings_unlike_those_of_the_baseline_are_refused(X, message):

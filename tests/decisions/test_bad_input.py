@@ -38,6 +38,16 @@ CASES = [
         V,
         "X has columns of the same name: ['a']",
     ),
+    *[
+        Case(
+            f"an unknown state called {label!r}",
+            lambda label=label: CostSensitiveGaussianBayes(unknown=label).fit(*features()),
+            T,
+            "unknown must be a label",
+            repr(label),
+        )
+        for label in (np.nan, ["new"])
+    ],
 ]
 
 

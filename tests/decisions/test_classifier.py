@@ -159,6 +159,7 @@ def test_partial_fit_goes_on_from_fit_and_fit_starts_afresh():
     whole = CostSensitiveGaussianBayes().fit(X, y)
     longer = CostSensitiveGaussianBayes().fit(X[:40], y[:40]).partial_fit(X[40:], y[40:])
     assert_same_model(longer, whole, X)
+    assert_same_model(longer.partial_fit(X[:3], y[:3], sample_weight=np.zeros(3)), whole, X)
     again = CostSensitiveGaussianBayes().partial_fit(X[:40], y[:40], classes=NAMES).fit(X, y)
     assert_same_model(again, whole, X)
 

@@ -89,9 +89,10 @@ SQUARE = pd.DataFrame(MATRIX, index=CLASSES, columns=CLASSES)
     [
         (np.ones((4, 3)), ValueError, r"shape \(3, 3\).*got shape \(4, 3\).*need names"),
         (3.0, ValueError, r"got shape \(\)"),
-        ([[0, 1], [1]], ValueError, "rectangular"),
+        ([[0, 1], [1]], ValueError, r"square array .*got shape \(2,\)"),
         ([[0, 1, 1], [1, 0, np.nan], [1, 1, 0]], ValueError, "'healthy' when 'screw'.*nan"),
-        (np.full((3, 3), "1"), TypeError, "cost must be numeric"),
+        (np.full((3, 3), "1"), TypeError, "'ball' when 'ball' is true must be a number"),
+        (np.eye(3, dtype=bool), TypeError, "'ball' when 'ball' is true must be a number, got True"),
         ({("healthy", "scew"): 1}, ValueError, "class 'scew'.*unknown.*'screw'"),
         ({("inspect", "ball"): 1}, ValueError, r"'inspect'.*missing: \['healthy', 'screw'\]"),
         ({"healthy": 1}, TypeError, r"\(decision, true class\), got 'healthy'"),
@@ -101,7 +102,7 @@ SQUARE = pd.DataFrame(MATRIX, index=CLASSES, columns=CLASSES)
         (SQUARE.set_axis(["a", "a", "b"]), ValueError, r"index.*more than once: \['a'\]"),
         (SQUARE.set_axis(["ball"] * 3, axis=1), ValueError, "columns.*more than once"),
         (SQUARE[:0], ValueError, "at least one decision"),
-        ("ab", TypeError, "cost must be numeric, got 'ab'"),
+        ("ab", ValueError, r"square array of shape \(3, 3\)"),
     ],
 )
 def test_invalid_costs_are_refused_with_their_position(cost, error, message):
@@ -125,6 +126,12 @@ def test_invalid_costs_are_refused_with_their_position(cost, error, message):
 def test_labels_and_weights_that_do_not_fit_are_refused(truth, decision, options, message):
     with pytest.raises(ValueError, match=message):
         expected_cost(truth, decision, **options)
+
+
+def test_costs_may_be_objects_and_labels_without_an_order_need_their_classes():
+    np.testing.assert_array_equal(cost_table(MATRIX.astype(object), CLASSES)[1], MATRIX)
+    with pytest.raises(TypeError, match="different types have no order, give labels="):
+        expected_cost([0, "a"], [0, 0])
 
 
 # Costs of estimators

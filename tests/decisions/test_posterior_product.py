@@ -265,6 +265,11 @@ def test_invalid_parameters_are_refused(options, error, message):
         product().set_params(**options).fit(X, y)
 
 
+def test_what_is_no_member_has_no_parameters():
+    names = PosteriorProduct([("a", "drop"), ("b", GaussianNB())]).get_params()
+    assert {"a", "b__priors"} < {*names}
+
+
 def test_errors_of_a_member_contain_its_name():
     X, y = table(20)
     with pytest.raises(ValueError, match="member 'position': shrinkage"):
@@ -293,5 +298,5 @@ def test_members_that_learn_from_groups_get_them():
     assert not product.groups_are_units
     new_units = ("new", NewUnitClassifier())
     assert PosteriorProduct([*product.estimators, new_units]).groups_are_units
-    assert product.named_estimators_["current"][-1].temperature_ == alone[-1].temperature_
+    assert product.named_estimators_.current[-1].temperature_ == alone[-1].temperature_
     assert product.named_estimators_["position"][-1].temperature_ == 1

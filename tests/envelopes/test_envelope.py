@@ -156,6 +156,7 @@ def test_over_the_angle_it_is_what_the_whole_envelope_is(antialias, dtype):
         ({"band": {"sound": BAND}}, TypeError, r"pair \(low, high\)"),
         ({"band": BAND, "channels": ["lvdt"]}, ValueError, r"recording 0 .*no channel 'lvdt'"),
         ({"band": BAND, "channels": "sound"}, TypeError, "list of names"),
+        ({"band": BAND, "squared": "no"}, ValueError, "squared must be one of"),
         ({"band": (2000, 2001), "channels": ["sound"]}, ValueError, "needs a filter of 20.1 s"),
     ],
 )

@@ -44,6 +44,14 @@ def test_a_layout_states_the_shaft_angle_as_it_was_measured(tmp_path, angle, rat
     np.testing.assert_allclose(found - found[0], ratio * (ANGLE - ANGLE[0]), atol=1e-6)
 
 
+def test_an_angle_of_columns_of_two_rates_is_refused(tmp_path):
+    np.savez(tmp_path / "r.npz", **COLUMNS, ia_fs=FS, ib_fs=FS / 2, vibration_fs=FS)
+    layout = Layout(angle={"currents": ["ia", "ib"], "pole_pairs": 3}, channels=["vibration"])
+    recording = open_recording(tmp_path / "r.npz", layout)
+    with pytest.raises(ValueError, match=r"\['ia', 'ib'\] of the angle have several rates"):
+        recording.strokes()
+
+
 def test_a_ratio_holds_for_speeds_and_tachometers(tmp_path):
     constant = angle_by(tmp_path, velocity="600 rpm", ratio=0.25)
     np.testing.assert_allclose(constant.velocity, 5 * np.pi)

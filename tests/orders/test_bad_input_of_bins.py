@@ -38,6 +38,8 @@ OPTIONS = [
     ("a negative band", {"edges": {"x": (-1, 6)}}, V, "band 'x'|at least 0"),
     ("a stop band that is not nested", {"stop_bands": (5.6, 6.4)}, T, "stop band 0|pair"),
     ("a stop band upside down", {"stop_bands": ((6.4, 5.6),)}, V, "stop band 0|lower to a higher"),
+    ("a number for stop bands", {"stop_bands": 5}, T, "stop_bands|pairs|got 5"),
+    ("a band without a name", {"edges": {"": (1, 2)}}, T, "named by strings, got ''"),
     ("text for stop bands", {"stop_bands": "5-6"}, T, "stop band 0|pair"),
     ("a negative stop band", {"stop_bands": ((-1, 2),)}, V, "stop band 0|at least 0"),
     ("all bins stopped", {"stop_bands": ((0, 8),)}, V, "stop_bands|(0.0, 8.0)"),

@@ -81,14 +81,17 @@ def test_the_level_is_that_of_the_unit_in_all_its_runs():
     [
         (simulate_actuator, {"state": "worn"}, "state must be one of 'healthy'"),
         (simulate_fleet, {"severity": (0.5, 1.5)}, "severity must be .* at most 1, got 1.5"),
+        (simulate_fleet, {"severity": 0.5}, "severity must be a pair such as"),
+        (simulate_fleet, {"n_runs": 0}, "n_runs must be a whole number of at least 1"),
+        (run_to_failure_fleet, {"n_units": -1}, "n_units must be a whole number of at least 1"),
         (run_to_failure_fleet, {"interval": 0.0}, "interval must be a number of h, above 0"),
         (WearLaw, {"start": 1.0}, "start must be"),
     ],
 )
 def test_a_wrong_parameter_is_named(make, arguments, message):
-    counts = {simulate_fleet: (1, 1), run_to_failure_fleet: (1,)}.get(make, ())
+    counts = {simulate_fleet: {"n_units": 1, "n_runs": 1}, run_to_failure_fleet: {"n_units": 1}}
     with pytest.raises((TypeError, ValueError), match=message):
-        make(*counts, **arguments)
+        make(**counts.get(make, {}) | arguments)
 
 
 # Units that wear out

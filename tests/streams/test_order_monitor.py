@@ -360,9 +360,11 @@ def test_invalid_samples_are_refused_with_their_time_and_nothing_is_taken(fitted
         monitor.push({"force": np.zeros(3), "axial": np.zeros(4)}, velocity=np.zeros(3))
     with pytest.raises(ValueError, match="the block has no channel 'force'"):
         monitor.push({"axial": np.zeros(3)}, velocity=np.zeros(3))
-    for rows in (np.zeros((3, 5)), np.zeros(5)):
+    for rows in (np.zeros((3, 5)), np.zeros(5), None):
         with pytest.raises(ValueError, match=r"a row for each of the channels .* got \d rows"):
-            monitor.push(rows, velocity=np.zeros(5))
+            (monitor_of(model, recording) if rows is None else monitor).push(
+                rows, velocity=np.zeros(5)
+            )
     assert monitor.time == pytest.approx(3.55)
 
 

@@ -56,8 +56,12 @@ def forward_only():
         (RecordingStatistics(("median",)), ValueError, "statistic must be one of .*; got 'median'"),
         (RecordingStatistics(()), ValueError, "statistics must contain each name once"),
         (RecordingStatistics("rms"), TypeError, "statistics must be a list of names, got 'rms'"),
+        (RecordingStatistics({"rms"}), TypeError, "statistics must be a list"),  # it has no order
+        (RecordingStatistics(None), TypeError, "statistics must be a list of names, got None"),
         (StrokeProfile(0), ValueError, "n_coefficients must be a whole number of at least 1"),
         (StrokeProfile(2.5), TypeError, "n_coefficients must be a whole number"),
+        (StrokeProfile(10**9), ValueError, "at most 10000, got 1000000000"),
+        (ShaftHarmonics(n_sections=10**7), ValueError, "n_sections .* at most 10000"),
         (ShaftHarmonics(1), TypeError, "orders must be a list of numbers"),
         (ShaftHarmonics("12"), TypeError, "orders must be a list of numbers"),
         (ShaftHarmonics([]), ValueError, "each order once"),
