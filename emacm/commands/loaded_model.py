@@ -114,7 +114,10 @@ def _doubts(costs: pd.DataFrame, labels: Sequence[Any]) -> Iterator[str]:
 def _priors(text: str, known: Mapping[str, Any]) -> dict[Any, float]:
     pairs = [part.rpartition("=") for part in text.split(",")]
     try:
-        return {known.get(n := name.strip(), n): float(value) for name, _, value in pairs}
+        priors = {known.get(n := name.strip(), n): float(value) for name, _, value in pairs}
+        if len(priors) < len(pairs):
+            raise ValueError("a name occurs twice")
+        return priors
     except ValueError as error:
         raise ValueError(
             f"--priors must be 'uniform' or as in healthy=0.9,worn=0.1; got {text!r}."

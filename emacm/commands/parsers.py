@@ -108,6 +108,7 @@ def _number(kind: type, expected: str, is_valid: Callable[[Any], bool]) -> Calla
 _above_zero = _number(float, "a number above 0", lambda number: number > 0)  # also infinity
 _probability = _number(float, "a number above 0 and below 1", lambda number: 0 < number < 1)
 _count = _number(int, "a whole number of at least 1", lambda number: number >= 1)
+_jobs = _number(int, "a whole number of at least 1, or -1", lambda n: n >= 1 or n == -1)
 
 
 def _speed(unit: str = "rpm", *, at_rest: bool = False) -> Callable[[str], float]:
@@ -542,4 +543,4 @@ def _add_report_options(add: Add) -> None:
 def _add_jobs(add: Add, what: str) -> None:
     """Add how many of something run in parallel."""
     text = f"{what} in parallel; -1: one per core (default: 1)"
-    add("--jobs", int, "N", text, default=1)
+    add("--jobs", _jobs, "N", text, default=1)

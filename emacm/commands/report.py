@@ -150,8 +150,10 @@ class FileReports:
         pages = self._reports.pages(sources, names, partial(times_of, key=self._time))
         for page, path in zip(pages, paths, strict=True):
             page.unit = page.unit or inputs.unit_named(path, layout, unit)
-        for page in pages if self._time is None or times is None else ():
-            # As on the page of the fleet: without a start, that at which the file was written
+        if self._time is None:  # without a start, it is the time at which the file was written
+            for page, time in zip(pages, times or [], strict=False):
+                page.date = page.date or f"{when(time)} UTC (file time)"
+        for page in pages if times is None else ():  # as on the page of the fleet
             if not page.date and page.row.get("end") is not None:
                 of_file = " (file time)" if page.row["times"] == "modified" else ""
                 page.date = f"{when(page.row['end'])} UTC{of_file}"

@@ -131,6 +131,9 @@ def test_without_a_key_the_time_is_that_of_the_file(here):
     html = Path("all.html").read_text(encoding="utf-8")
     assert f"was &#39;healthy&#39; ({day:%Y-%m-%d %H:%M})" in html
     assert f"{day:%Y-%m-%d %H:%M} UTC (file time)</h1>" in html
+    Path("new/A_worn_9.npz").write_bytes(b"damaged")
+    assert run("report", "--unit", "unit", "--out", "9.html", paths=["new/A_worn_9.npz"]) == 3
+    assert "UTC (file time)</h1>" in Path("9.html").read_text(encoding="utf-8")
     # Without a key of the unit, too; the page of the fleet has no other dates.
     assert run("report", "--out", "pages", paths=shown) == 0
     index, fleet = (Path("pages", f"{name}.html").read_text() for name in ("index", "fleet"))

@@ -100,6 +100,8 @@ def test_a_failed_file_is_status_3_and_the_table_is_complete(here, capsys):
         (["--out", "table.xlsx"], ["files"], "must end with one of .csv, .jsonl"),
         (["--priors", "ok"], ["files"], "--priors must be 'uniform' or as in"),
         (["--priors", "ok=0.5"], ["files"], "priors"),
+        (["--priors", "ok=0.5,ok=0.2,worn=0.8"], ["files"], "--priors must be"),
+        (["--jobs", "0"], ["files"], "a whole number of at least 1, or -1, got '0'"),
         (["--unit", "unt"], ["files"], "has no 'unt', only ["),
         (["--cost", "none.csv"], ["files"], "none.csv"),
         (["--features"], ["files"], "--features needs --out FILE.sqlite"),
