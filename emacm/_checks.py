@@ -81,9 +81,7 @@ def check_table(values: Any) -> None:
         dtypes = {f" in column {column!r}": dtype for column, dtype in values.dtypes.items()}
     for where, dtype in dtypes.items():
         if getattr(dtype, "kind", "") in ("m", "M"):
-            raise TypeError(
-                f"X must be numeric, got {dtype} values{where}. Use .dt.total_seconds()."
-            )
+            raise TypeError(f"X must be numeric, got {dtype}{where}. Use .dt.total_seconds().")
 
 
 def check_finite(array: NDArray[np.floating], name: str) -> None:

@@ -119,9 +119,7 @@ def unpacked(content: bytes) -> dict[str, Any]:
 
             return json.loads(file["text"].item(), object_hook=restored)
     except Exception as error:  # zip, zlib and NumPy raise many kinds
-        raise ValueError(
-            "it is no state of OrderMonitor, or was not written completely."
-        ) from error
+        raise ValueError("it is no state of OrderMonitor, or not written completely.") from error
 
 
 class SavedEstimator(BaseEstimator):

@@ -158,9 +158,7 @@ class ResultTable:
             cells = pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False)
             frame = cells.map(of_cell)
         if list(frame.columns) != self._columns:
-            raise ValueError(
-                f"it has other columns, {list(frame.columns)} instead of {self._columns}"
-            )
+            raise ValueError(f"its columns are {list(frame.columns)}, not {self._columns}")
         frame = frame.astype(object)
         fields = SCHEMA["properties"]
         for name in self._columns:

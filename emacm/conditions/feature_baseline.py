@@ -319,6 +319,8 @@ def left_out_differences(
 def _values(table: Any) -> NDArray[np.float64]:
     """Return the finite numbers of a table of features."""
     values = check_real_array(table, "the table of the transformer").astype(np.float64)
+    if values.ndim != 2:
+        raise ValueError(f"the transformer must compute a table, got shape {values.shape}.")
     check_finite_table(values, "recording", column_names(table))
     return values
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_unmasked, located
 from emacm.decisions.costs import label_list, plain_labels
-from emacm.recordings.inputs import RecordingTransformer, described, entry_name
+from emacm.recordings.inputs import RecordingTransformer, as_list, described, entry_name
 from emacm.recordings.meta import condition_name, listed_recordings, read_meta, sorted_conditions
 
 
@@ -72,6 +72,7 @@ class ConditionBaseline(  # type: ignore[call-arg]
         if self.baseline_recordings is not None and not added:
             raise ValueError("baseline_recordings is empty: add recordings, or set it to None.")
         with located("baseline_recordings"):
+            added = as_list(added) if added else []
             if any(isinstance(recording, str) for recording in added):  # of a model file
                 raise ValueError(f"set baseline_recordings again: {added[0]}.")
             of_added = read_meta(added, self.condition) if added else []

@@ -261,9 +261,7 @@ def truth_labels(classes: NDArray[Any], unknown: Any) -> NDArray[Any]:
         raise TypeError(f"unknown must be a label such as 'unknown', or None; got {unknown!r}.")
     known = plain_labels(classes.tolist())
     if unknown in known:
-        raise ValueError(
-            f"unknown = {unknown!r} is a class with recordings. Choose none of {known}."
-        )
+        raise ValueError(f"unknown = {unknown!r} is a class of recordings. Choose none of {known}.")
     return label_array([*known, unknown], classes)
 
 

@@ -292,12 +292,13 @@ def squared(unit: str) -> str:
 
     Examples
     --------
-    >>> squared("A"), squared("m/s²"), squared("(m/s²)²"), squared("V²")
-    ('A²', '(m/s²)²', '(m/s²)⁴', 'V⁴')
+    >>> squared("A"), squared("m/s²"), squared("(m/s²)²"), squared("V²"), squared("1")
+    ('A²', '(m/s²)²', '(m/s²)⁴', 'V⁴', '1')
     """
     if unit.endswith("²") and (unit.endswith(")²") or not any(sign in unit for sign in "/ ")):
         return f"{unit[:-1]}⁴"
-    return f"({unit})²" if any(sign in unit for sign in "/ ") else f"{unit}²"
+    square = f"({unit})²" if any(sign in unit for sign in "/ ") else f"{unit}²"
+    return "1" if unit == "1" else square
 
 
 def pyplot() -> Any:

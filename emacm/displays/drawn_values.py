@@ -38,9 +38,7 @@ def check_values(
     invalid = np.argwhere(~np.isfinite(array) | (array < least)).tolist()
     if invalid:
         value = array[tuple(invalid[0])]
-        raise ValueError(
-            f"{name} must be finite and at least {least:g}, got {value} at {invalid[0]}."
-        )
+        raise ValueError(f"{name} must be finite, at least {least:g}, got {value} at {invalid[0]}.")
     return array
 
 

@@ -156,9 +156,7 @@ def _common_scheme(named: Mapping[str, Evaluation], scheme: str | None) -> str:
     if not common:
         raise ValueError(f"evaluations must have a scheme in common that was scored; got {scored}.")
     if scheme is not None and scheme not in common:
-        raise ValueError(
-            f"scheme must be one that all evaluations scored: {common}; got {scheme!r}."
-        )
+        raise ValueError(f"scheme must be one of all evaluations, {common}; got {scheme!r}.")
     return common[min(1, len(common) - 1)] if scheme is None else scheme
 
 

@@ -250,9 +250,7 @@ def _checked_fold(train: Any, test: Any, n_recordings: int, number: int) -> Fold
     try:
         train, test = (np.unique(recordings[list(part)]) for part in (train, test))
     except IndexError as error:
-        raise ValueError(
-            f"fold {number}: give positions of recordings, or masks: {error}."
-        ) from error
+        raise ValueError(f"fold {number}: give positions, or masks: {error}.") from error
     both = np.intersect1d(train, test)
     if len(both) or not (len(train) and len(test)):
         raise ValueError(
@@ -369,6 +367,8 @@ def _decide(
             table["unknown_proba"] = final.unknown_proba(held_out)
         known = np.asarray(getattr(model, "classes_", np.unique(y[fold.train])))
         posterior = pd.DataFrame(final.predict_proba(held_out), table.index, known.tolist())
+        if not np.allclose(posterior.sum(axis=1), 1, atol=1e-5):
+            raise ValueError("predict_proba of the estimator must return rows that add up to 1.")
         return table, posterior
 
 

@@ -171,9 +171,7 @@ class OpenedPipeline:
         expected = getattr(first, "feature_names_in_", None)
         names: Any = column_names(X) or expected
         if expected is not None and list(names) != list(expected):
-            raise ValueError(
-                f"X must have the columns of the fit, {list(expected)}, got {list(names)}."
-            )
+            raise ValueError(f"X must have the columns of fit {list(expected)}, got {list(names)}.")
         values = np.asarray(check_real_array(X, "X"), dtype=np.float64)
         labels = [f"x{i}" for i in range(values.shape[1])] if names is None else list(names)
         check_finite_table(values, "recording", labels)

@@ -386,9 +386,7 @@ def draft_layout(contents: FileContents, path: Path, meta: str | None = None) ->
         lines += [f"# angle = {form}  # or by these columns" for form in contents.groups]
     fields = "_".join(f"{{field{n}}}" for n in range(1, path.stem.count("_") + 2))
     if meta is None:
-        lines.append(
-            f"# meta = {_as_toml(fields)}  # FILL IN: what the parts of the file names mean"
-        )
+        lines.append(f"# meta = {_as_toml(fields)}  # FILL IN: what parts of the file names mean")
     else:
         if not meta_from_name(path, meta):
             raise ValueError(f"its name does not match the pattern {meta!r} of meta. Correct it.")

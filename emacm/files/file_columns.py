@@ -116,9 +116,7 @@ class FileColumns:
             raise ValueError(f"{wanted!r} matches several columns: {found}. Name one.")
         plain = split_unit(wanted)[0]
         if plain in self.ignored:
-            raise ValueError(
-                f"{plain!r} {self.ignored[plain]}; store it as numbers, one for each time."
-            )
+            raise ValueError(f"{plain!r} {self.ignored[plain]}; store it as numbers, one per time.")
         other = next((name for name in known if not is_time_name(name)), wanted)
         raise ValueError(
             f"it has no column {wanted!r}; its columns are {known}. Where files differ, a "

@@ -61,9 +61,7 @@ class FileState(NamedTuple):
         if self.digest:
             found = FileState(self.path, digest=digest_of_file(self.path))
         if found != self:
-            raise ValueError(
-                f"{printable(self.path)}: the file was replaced or changed. Open it again."
-            )
+            raise ValueError(f"{printable(self.path)}: it was replaced or changed. Open it again.")
 
     def with_digest(self) -> FileState:
         """Return path and digest, by which any process can check the content of the file."""

@@ -137,9 +137,7 @@ def sensitivity_of(text: str, name: str = "scale") -> tuple[float, str, str]:
         r"\s*(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)\s*([^\d\s/]+)\s*/\s*(\S.*?)\s*", text
     )
     if found is None or not float(found[1]) > 0:
-        raise TypeError(
-            f"{name} must be a number, or a sensitivity such as '100 mV/g', got {text!r}."
-        )
+        raise TypeError(f"{name} must be a number or sensitivity such as '100 mV/g', got {text!r}.")
     unit = found[3]
     return float(found[1]), found[2], unit[1:-1] if unit[0] + unit[-1] == "()" else unit
 

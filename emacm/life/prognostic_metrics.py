@@ -138,9 +138,7 @@ def coverage_by_unit(
     true, low, high = _columns(true=true, lower=lower, upper=upper)
     if not (low <= high).all():
         row = int(np.argmin(low <= high))
-        raise ValueError(
-            f"lower must be at most upper, got {low[row]:g} and {high[row]:g} in row {row}."
-        )
+        raise ValueError(f"lower is above upper in row {row}: {low[row]:g} and {high[row]:g}.")
     grouping = read_grouping(groups, true, "groups", "unit")
     if grouping is None:
         raise ValueError("groups must give the unit of each reading, got None.")

@@ -226,9 +226,7 @@ def named_orders(orders: Orders) -> tuple[list[str], np.ndarray]:
     if isinstance(orders, pd.DataFrame):
         missing = [name for name in ("order", "slips") if name not in orders.columns]
         if missing:
-            raise ValueError(
-                f"orders must be a table from fault_orders; it has no column {missing[0]!r}."
-            )
+            raise ValueError(f"orders must be a table of fault_orders; it has no {missing[0]!r}.")
         orders = orders["order"]
     if not isinstance(orders, Mapping | pd.Series) or not len(orders):
         raise TypeError(

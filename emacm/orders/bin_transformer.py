@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_number, group_codes
+from emacm._checks import check_finite_table, check_number, group_codes, located
 from emacm._statements import Statement
 from emacm.findings.training_range import KnownLines
 from emacm.orders.bins import Band, bin_operator, named_bins
@@ -188,7 +188,9 @@ class BinTransformer(OrderTableTransformer):
         """
         psd = self._checked_table(X, reset=False)
         # Summed in float64 in any case. The type, as the dtype of an order table has metadata.
-        powers = np.ascontiguousarray((self.operator_ @ psd.T).T, dtype=psd.dtype.type)
+        with np.errstate(over="ignore"), located("a power is too large, state another unit"):
+            powers = np.ascontiguousarray((self.operator_ @ psd.T).T, dtype=psd.dtype.type)
+            check_finite_table(powers, "recording", self._columns_out)
         return BinPowers(powers, self._columns_out)
 
     def new_lines(self, X: Any) -> list[list[Statement]]:

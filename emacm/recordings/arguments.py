@@ -62,9 +62,7 @@ def check_rates(fs: Any, channels: tuple[str, ...]) -> dict[str, float]:
         rate = check_number(fs, "fs", above=0, unit="Hz")
         return dict.fromkeys(channels, rate)
     if set(fs) != set(channels):
-        raise ValueError(
-            f"fs must give a rate for each channel of {list(channels)}, but has {list(fs)}."
-        )
+        raise ValueError(f"fs must give a rate for each of {list(channels)}, but has {list(fs)}.")
     return {
         name: check_number(fs[name], f"fs of channel {name!r}", above=0, unit="Hz")
         for name in channels

@@ -121,9 +121,7 @@ def chosen_channels(channels: Any, known: Sequence[str]) -> tuple[str, ...]:
         )
     chosen = tuple(channels)
     if not chosen or len(set(chosen)) < len(chosen):
-        raise ValueError(
-            f"channels must have at least one name, and each once; got {list(chosen)}."
-        )
+        raise ValueError(f"channels must have at least one name, each once; got {list(chosen)}.")
     return chosen
 
 

@@ -68,8 +68,10 @@ class ModelCard(dict[str, Any]):
 
     def _ranges(self) -> pd.DataFrame:
         ranges: dict[str, Any] = {}
-        for own in self["training_range"]:  # one for each resampler, of the same recordings
-            ranges |= own or {}
+        for own in self["training_range"]:  # one for each resampler
+            for name, ends in (own or {}).items():
+                known = *ranges.get(name, ()), *ends
+                ranges[name] = min(known), max(known)
         points = evidence_table(self.evidence, "domain").select_dtypes("number")
         ranges |= {name: (points[name].min(), points[name].max()) for name in points}
         for name in ("slowest", "fastest"):

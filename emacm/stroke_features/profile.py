@@ -99,9 +99,7 @@ class StrokeProfile(StrokeFeatures):
     def _features(self, strokes: Sequence[StrokeSignal]) -> NDArray[np.float64]:
         long = [s for s in strokes if len(s.travel) > 1 and np.max(s.travel) > s.travel[0]]
         if not long:
-            raise ValueError(
-                "no stroke contains two samples. Lower theta_s, or leave the recording out."
-            )
+            raise ValueError("no stroke contains two samples. Lower theta_s, or leave it out.")
         profiles = [
             cosine_coefficients(stroke_positions(s.travel), s.signal, self.n_coefficients)
             for s in long

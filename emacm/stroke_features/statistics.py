@@ -155,9 +155,7 @@ def common_slope(signals: Sequence[ArrayLike], turns: Sequence[ArrayLike]) -> fl
         products += float(centred @ (x - x.mean()))
         squares += float(centred @ centred)
     if not squares > 0:
-        raise ValueError(
-            "a slope needs samples at two angles. Leave 'slope' out, or use longer strokes."
-        )
+        raise ValueError("a slope needs two angles. Leave 'slope' out, or use longer strokes.")
     return products / squares
 
 
@@ -171,9 +169,7 @@ def _peak(x: Array) -> Array:
 
 def _crest_factor(x: Array) -> Array:
     if not _peak(x) > 0:
-        raise ValueError(
-            "a signal of zeros has no crest factor. Leave 'crest_factor' or the channel out."
-        )
+        raise ValueError("zeros have no crest factor. Leave 'crest_factor' or the channel out.")
     return _peak(x) / _rms(x)
 
 

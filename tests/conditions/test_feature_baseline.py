@@ -89,6 +89,9 @@ def test_commissioning_serves_features_too():
 
 
 def test_a_transformer_must_make_a_finite_table():
+    one_dimensional = FunctionTransformer(lambda X: [1.0 for _ in X])
+    with pytest.raises(ValueError, match=r"must compute a table, got shape \(1,\)"):
+        FeatureBaseline(one_dimensional).fit([constant(20)], ["healthy"])
     not_finite = FunctionTransformer(lambda X: [[np.nan] for _ in X])
     with pytest.raises(ValueError, match="X must be finite, got NaN in recording 0"):
         FeatureBaseline(not_finite).fit([constant(20)], ["healthy"])

@@ -210,6 +210,19 @@ def test_one_condition_is_left_out_at_a_time():
     assert found.table.loc["by load", ["groups", "resampled"]].tolist() == [8, "run"]
 
 
+class Unsure(GaussianNB):
+    """Has no probabilities."""
+
+    def predict_proba(self, X):
+        return super().predict_proba(X) * np.nan
+
+
+def test_probabilities_that_do_not_add_up_to_one_are_refused():
+    X, y, runs = sub_states()
+    with pytest.raises(ValueError, match=r"random split, fold 0.* rows that add up to 1"):
+        evaluate(Unsure(), X, y, runs=runs)
+
+
 class OnlyKnownLoads(GaussianNB):
     """Refuses a load, its first feature, that it was not trained on."""
 
@@ -336,7 +349,7 @@ BAD = {
     "splits['s']: Expected": {"splits": {"s": "train"}},
     "splits['s']: cannot unpack": {"splits": {"s": [1]}},
     "splits['s']: fold 0 must have recordings in train": {"splits": {"s": ([1], [])}},
-    "splits['s']: fold 0: give positions of recordings, or masks": {"splits": {"s": ([96], [1])}},
+    "splits['s']: fold 0: give positions, or masks": {"splits": {"s": ([96], [1])}},
     "in both: [2]": {"splits": {"s": ([1, 2], [2])}},
     "more than once: ['random split']": {"splits": {"random split": ([1], [2])}},
 }

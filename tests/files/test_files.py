@@ -101,7 +101,7 @@ def test_a_replaced_file_is_an_error(npz):
     np.savez(npz, vibration=later, current=later, speed=SPEED[:100])
     os.utime(npz, ns=(1, 1))
     for name in ("duration", "digest"):
-        with pytest.raises(ValueError, match=r"B7_worn.npz: the file was replaced or changed. Op"):
+        with pytest.raises(ValueError, match=r"B7_worn.npz: it was replaced or changed. Op"):
             getattr(opened, name)
     assert len(open_recording(npz, LAYOUT).signals["current"]) == 100
 

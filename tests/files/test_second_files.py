@@ -54,7 +54,7 @@ def test_the_speed_of_a_second_file_is_aligned_by_the_times_of_both(tmp_path, fi
     again = pickle.loads(pickle.dumps(recording))
     assert again == recording
     os.utime(tmp_path / "A_1_speed.csv", (1, 1))
-    with pytest.raises(ValueError, match=r"A_1_speed\.csv: the file was replaced or changed"):
+    with pytest.raises(ValueError, match=r"A_1_speed\.csv: it was replaced or changed"):
         assert recording.digest
 
 

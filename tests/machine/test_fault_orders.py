@@ -239,7 +239,7 @@ def test_bands_that_overlap_are_refused_or_kept():
         (lambda: fault_orders(Gear(9, 20), Gear(9, 30)), ValueError, "two lines .* 'mesh'"),
         (lambda: order_bands(fault_orders(Motor(6))), ValueError, "no width, .* min_width"),
         (lambda: order_bands([6.1]), TypeError, "a table from fault_orders or a mapping"),
-        (lambda: order_bands(pd.DataFrame({"order": [1]})), ValueError, "no column 'slips'"),
+        (lambda: order_bands(pd.DataFrame({"order": [1]})), ValueError, "it has no 'slips'"),
         (lambda: order_bands({1: 2.0, "1": 3.0}), ValueError, "two lines have the name '1'"),
     ],
 )

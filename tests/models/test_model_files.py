@@ -218,6 +218,16 @@ def test_the_description_states_what_is_known_of_the_model(saved, fitted):
     assert about["training_range"][0] is not None
 
 
+def test_the_card_states_what_any_of_several_resamplers_was_trained_on(saved):
+    about = describe_model(saved)
+    (own,) = about["training_range"]
+    low, high = own["revolutions"]
+    about["training_range"] = [own | {"revolutions": [low / 2, high]}, own | {"x": [1, 2]}]
+    table = about.tables()["Operating conditions of the training"]
+    assert table.loc["revolutions"].tolist() == [f"{low / 2:.5g}", f"{high:.5g}"]
+    assert table.loc["x"].tolist() == ["1", "2"]
+
+
 # Other versions
 
 

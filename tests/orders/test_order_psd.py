@@ -1,10 +1,11 @@
 """Facts about OrderPSD: directions, axes, precision, range, short recordings, defaults."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy import signal as filters
 
-from emacm import OrderCrossSpectrum, OrderPSD, OrderResampler, Recording
+from emacm import BinTransformer, OrderCrossSpectrum, OrderPSD, OrderResampler, Recording
 from emacm.orders.segment_plan import SegmentPlan, padded_lines
 from emacm.orders.welch import order_psd, samples_per_revolution
 
@@ -96,6 +97,22 @@ def scaled(factor, channels=("z", "a")):
 def test_powers_that_overflow_are_refused_with_the_recording():
     with pytest.raises(ValueError, match=r"recording 0: .*float64"):
         OrderPSD(8).fit_transform(scaled(1e160))
+
+
+def test_bins_that_overflow_are_refused_with_recording_and_column():
+    columns = [f"{channel}@{order}" for channel in ("z", "a") for order in (0, 10, 20)]
+    psd = pd.DataFrame([[1.0] * 6, [1.0] * 3 + [1e308] * 3], columns=columns)
+    with pytest.raises(ValueError, match=r"another unit: .* recording 1, column 'a@0-20'"):
+        BinTransformer(20, max_order=20).fit_transform(psd)
+    bins = BinTransformer(20, max_order=20).fit(psd.clip(upper=2.0))
+    with pytest.raises(ValueError, match=r"another unit: .* recording 1, column 'a@0-20'"):
+        bins.transform(psd.clip(upper=1e38).astype(np.float32))
+
+
+def test_a_spectrum_that_is_fitted_again_on_recordings_forgets_the_table():
+    table = pd.DataFrame(RNG.standard_normal((3, 512)), columns=[f"x{k}" for k in range(512)])
+    psd = OrderPSD(4, theta_s=TURN / 32).fit(table).fit(scaled(1.0))
+    assert not {"n_features_in_", "feature_names_in_"} & {*vars(psd)}
 
 
 @pytest.mark.parametrize("level", [0.0, 1e-200, 7.25])
