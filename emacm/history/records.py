@@ -153,9 +153,7 @@ def times_of(recording: Any, key: str | None = None) -> dict[str, Any]:
     start, times = None, "stated"
     if key is not None:
         if key not in recording.meta:
-            raise ValueError(
-                f"its meta has no {key!r} (--time); it has {[*recording.meta] or None}."
-            )
+            raise ValueError(f"its meta has no {key!r} (--time), only {[*recording.meta]}.")
         if not isinstance(stated := recording.meta[key], int | float):
             start = stated_date(stated, key)
     if start is None:

@@ -248,6 +248,8 @@ def vibration_severity(recording: Recording, machine_class: str) -> pd.DataFrame
              velocity zone
     bearing      22.1    D
     """
+    if not isinstance(recording, Recording):
+        raise TypeError(f"recording must be a Recording, got {type(recording).__name__}.")
     channels = [x for x in recording.channels if _is_acceleration(recording, x)]
     if not channels:
         raise ValueError(

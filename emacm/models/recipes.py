@@ -127,6 +127,7 @@ def actuator_recipe(
     check_choice(phase, "phase", (True, False))
     check_number(revolutions, "revolutions", above=0)
     check_number(max_order, "max_order", at_least=2 / 2.4)
+    check_number(revolutions * max_order, "revolutions * max_order, the bins,", at_most=1000)
     if healthy is not None and not phase:
         raise ValueError(
             f"healthy = {healthy!r} needs phase=True, on which the residual of the 1x component "

@@ -35,7 +35,10 @@ def test_coverage_counts_units_and_not_readings():
     [
         (lambda: phm2012_score([1.0, 0.0], [1.0, 1.0]), "true must be positive, got 0"),
         (lambda: phm2012_score([1.0], [1.0, 2.0]), "of the same length"),
-        (lambda: coverage_by_unit([1.0, 1], [0.0, 3], [1.0, 2], "AB"), "above upper in row 1: 3 and 2"),
+        (
+            lambda: coverage_by_unit([1.0, 1], [0.0, 3], [1.0, 2], "AB"),
+            "above upper in row 1: 3 and 2",
+        ),
     ],
 )
 def test_invalid_values_are_refused(call, message):

@@ -56,6 +56,8 @@ def test_unsuitable_input_is_refused():
         severity_zone(1.0, "class V")
     with pytest.raises(ValueError, match="velocity must be finite and not negative"):
         severity_zone([1.0, np.nan], "class I")
+    with pytest.raises(TypeError, match="must be a Recording, got list"):
+        vibration_severity([1.0, 2.0], "class I")
     bare = Recording({"radial": np.ones(9000)}, 3000.0, velocity=9.0)
     with pytest.raises(ValueError, match="no channel of \\['radial'\\] has a unit of acceleration"):
         vibration_severity(bare, "class I")

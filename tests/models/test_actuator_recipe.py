@@ -178,6 +178,7 @@ def test_a_machine_with_one_direction_needs_no_setting():
     [
         ({"revolutions": 0}, "revolutions"),
         ({"max_order": 0.5}, r"max_order must be a number at least 0\.83"),
+        ({"revolutions": 8, "max_order": 500}, "max_order, the bins, must be .* at most 1000, got"),
         ({"phase": "relative"}, "phase"),
         ({"healthy": "normal"}, r"healthy = 'normal' needs phase=True.*same assemblies"),
     ],
