@@ -38,9 +38,7 @@ class Printed:
         raise NotImplementedError
 
     def __repr__(self) -> str:
-        lines = [
-            fill(text, 98, initial_indent="- ", subsequent_indent="  ") for text in self.caveats
-        ]
+        lines = [fill(x, 98, initial_indent="- ", subsequent_indent="  ") for x in self.caveats]
         for title, table in self.printed_tables().items():
             lines += [title] * bool(title) + [table.to_string()]
         return "\n".join([*lines, f"({_INTERVALS})"])
@@ -260,6 +258,8 @@ def evaluate(
     >>> evaluate(make_pipeline(*of_day), day, y, runs=runs).table["accuracy"].to_dict()
     {'random split': 1.0, 'by run': 1.0}
     """
+    if not hasattr(estimator, "predict"):
+        raise TypeError(f"estimator must be a classifier with predict, got {estimator!r}.")
     check_unknown_states(estimator)
     classes = checked_classes(y, X)
     rule = scoring_rule(np.unique(classes), healthy=healthy, **stated_costs(estimator))

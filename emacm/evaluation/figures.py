@@ -64,7 +64,8 @@ def _in_service(values: pd.Series, truths: pd.Series, rule: ScoringRule) -> Tall
         return Tally(values, np.zeros(len(values), np.intp))
     cells = codes_of(truths, rule.classes)
     weights = np.array([rule.priors[rule.classes[cell]] for cell in np.unique(cells)])
-    weights /= weights.sum()
+    with np.errstate(invalid="ignore"):  # NaN where no state has a prior
+        weights /= weights.sum()
     return Tally(values, cells, lambda s, n: (s / np.where(n > 0, n, np.nan)) @ weights)
 
 

@@ -366,6 +366,8 @@ def test_an_invalid_argument_is_refused(message):
 def test_a_file_in_place_of_recordings_is_refused():
     with pytest.raises(TypeError, match="X must be a list of recordings, got"):
         evaluate(GaussianNB(), "recordings.csv", ["a", "b"])
+    with pytest.raises(TypeError, match="a classifier with predict, got StandardScaler"):
+        evaluate(StandardScaler(), [[0.0], [1.0]], ["a", "b"])
 
 
 def test_a_class_of_one_recording_cannot_be_held_out():

@@ -113,6 +113,9 @@ def test_costs_in_service_are_weighted_by_the_priors_of_the_classes_that_occur()
     row = GroupBootstrap().figures(tallies(held, weighted), np.arange(4))
     assert row["expected_cost"] == pytest.approx(4.5 / 4)
     assert row["realised_cost"] == pytest.approx(0.25 * 4.5 / 3 + 0.75 * 0)
+    impossible = replace(rule, priors={"dry": 0.0, "new": 1.0, "spalled": 0.0})
+    row = GroupBootstrap().figures(tallies(held, impossible), np.arange(4))
+    assert np.isnan([row["realised_cost"], row["predicted_cost"]]).all()
 
 
 def test_an_impossible_truth_costs_36_nats_and_no_loss_is_negative():
