@@ -177,7 +177,7 @@ def test_labels_of_truths_are_the_classes_and_then_the_unknown_state():
     assert truth_labels(CLASSES, None) is CLASSES
     assert truth_labels(np.array([3, 5]), 0).tolist() == [3, 5, 0]
     assert truth_labels(np.array([3, 5]), "new").tolist() == [3, 5, "new"]
-    with pytest.raises(ValueError, match="unknown = 5 is a class with recordings"):
+    with pytest.raises(ValueError, match="unknown = 5 is a class of recordings"):
         truth_labels(np.array([3, 5]), 5)
 
 

@@ -366,7 +366,7 @@ SAME = {"decision": "state 0", "against": "state 0"}
         (lambda: explain_decision(LOGS, POWERS.iloc[:3]), "x must be one recording"),
         (lambda: explain_decision(LOGS, ONE, background=ONE[:0]), "background"),
         (lambda: explain_decision(LogisticRegression().fit(POWERS, TRUTH), ONE), "Logistic"),
-        (lambda: explain_decision(LOGS, ONE.iloc[:, ::-1]), "columns of the fit"),
+        (lambda: explain_decision(LOGS, ONE.iloc[:, ::-1]), "columns of fit"),
         (lambda: explain_decision(LOGS, ONE * 0), "'functiontransformer'"),
         (lambda: explain_decision(LOGS, RUN), "give no table"),
         (lambda: explain_model(LOGS, POWERS.mask(POWERS.iloc[2, 3] == POWERS), TRUTH), "@3-4"),
