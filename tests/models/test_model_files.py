@@ -6,6 +6,7 @@ import subprocess
 import sys
 import warnings
 import zipfile
+from functools import reduce
 from hashlib import sha256
 
 import numpy as np
@@ -373,6 +374,19 @@ def test_a_forged_file_with_a_correct_digest_executes_nothing(saved, name):
     with pytest.raises((TypeError, ValueError), match=name[0]):
         load_model(saved)
     assert not EXECUTED
+
+
+def test_a_file_whose_classes_have_moved_or_gone_is_refused_with_the_remedy(saved):
+    names = {b'"CostSensitiveGaussianBayes"': b'"Moved"', b"emacm.decisions.gau": b"emacm.gone.gau"}
+
+    def forged(about, stored):
+        return with_schema(
+            stored, lambda schema: reduce(lambda s, n: s.replace(*n), names.items(), schema)
+        )
+
+    rewritten(saved, forged)
+    with pytest.raises(ValueError, match=r"emacm\.gone.* Save the model again"):
+        load_model(saved)
 
 
 @pytest.mark.parametrize("name", ["log10", "seterrobj"])
