@@ -101,10 +101,9 @@ def find_faults(
     channels : sequence of str, optional
         Channels, in this order. Default: all.
     healthy : list of Recording, or table, or result of `healthy_scores`, optional
-        The same machine without faults, measured in the same way (a table if X is one). Healthy
-        machines have lines too: a fault is then named if it is 3 dB above its highest healthy
-        score, whatever it is. A fault of a gear needs them. "load" of the recordings' `meta` is
-        used where it is stated.
+        The same machine without faults, in the form of X. Healthy machines have lines too: a
+        fault is then named if it is 3 dB above its highest healthy score, whatever it is. A fault
+        of a gear needs them. "load" of the recordings' `meta` is used where it is stated.
     settings : NamingSettings
         Limits from which on a fault is suspected and named.
 
