@@ -26,6 +26,7 @@ from emacm.decisions.pipelines import (
     check_unknown_states,
     final_estimator,
     fitted_resamplers,
+    parts_of,
     parts_with_input,
     search_estimator,
 )
@@ -300,13 +301,15 @@ def _fill(model: Any, opened: list[tuple[Row, Recording]]) -> None:
         _fill(model, [opened[i] for i in part])
 
 
-def _by_condition(model: Any, recordings: Sequence[Recording]) -> list[NDArray[np.intp]]:
-    """Return the numbers of the recordings that have the same classifier."""
-    router = search_estimator(model)
-    if not isinstance(router, ConditionRouter):
-        return [np.arange(len(recordings))]
-    keys = [id(own) for own in router.models_of(recordings)]
-    return [np.flatnonzero([key == other for other in keys]) for key in dict.fromkeys(keys)]
+def _by_condition(model: Any, recordings: Any) -> list[NDArray[np.intp]]:
+    """Return the numbers of the recordings of each condition; of one, those of a router inside."""
+    parts = [np.arange(len(recordings))]
+    while len(parts) == 1 and isinstance(final_estimator(model), ConditionRouter):
+        router, entries = before_the_last_step(model, recordings)
+        models = router.models_of(entries)
+        parts = [np.flatnonzero([own is each for each in models]) for own in dict.fromkeys(models)]
+        model, recordings = models[0], router.inner(entries)
+    return parts
 
 
 def _results(model: Any, recordings: list[Recording]) -> list[Row]:
@@ -372,17 +375,20 @@ def opened_classifier(model: Any, X: list[Any]) -> tuple[Any, Any]:
     final, table = before_the_last_step(model, X)
     if not isinstance(final, ConditionRouter):
         return final, table
-    inner, features = opened_classifier(final.models_of(table)[0], table)
+    inner, features = opened_classifier(final.models_of(table)[0], final.inner(table))
     return final.with_present_costs(inner), features
 
 
 def _least_typical(model: Any, recording: Any) -> tuple[Any, Any]:
     """Return the classifier that knows least of a recording, of those combined, and its input."""
-    final, table = opened_classifier(model, [recording])
+    X = [recording]
+    if isinstance(final_estimator(model), ConditionRouter):
+        model, X = before_the_last_step(model, X)
+    final, table = opened_classifier(model, X)
     while isinstance(final, CombinedRiskMixin):
-        model, recording = final.least_typical(table), table
+        model, X = final.least_typical(table), table
         final, table = before_the_last_step(model, table)
-    return model, recording
+    return model, X
 
 
 def _reasons(model: Any, recording: Any, known: str, *otherwise: str, decision: Any = None) -> str:
@@ -397,7 +403,7 @@ def _reasons(model: Any, recording: Any, known: str, *otherwise: str, decision: 
 def _findings(model: Any, recordings: list[Recording]) -> list[Row]:
     """Return what is unusual about recordings of one condition as measured."""
     resamplers = fitted_resamplers(search_estimator(model))
-    if not resamplers:
+    if not any(isinstance(part, OrderResampler | StrokeFeatures) for part in parts_of(model)):
         return [{"warnings": "", "outside_training": ""}] * len(recordings)
     outside = outside_training(model, recordings)
     return [

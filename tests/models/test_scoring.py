@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from order_models import log, order_bins
+from sklearn.pipeline import make_pipeline
 
 from emacm import (
     ConditionRouter,
@@ -17,6 +18,7 @@ from emacm import (
     OrderResampler,
     Recording,
     RecordingFolder,
+    RecordingStatistics,
     open_recording,
     score,
 )
@@ -83,6 +85,14 @@ def test_the_row_holds_the_results_of_the_model(model):
 
 def test_parallel_scoring_gives_the_same_table(model):
     pd.testing.assert_frame_equal(score(model, X, n_jobs=3), score(model, X))
+
+
+def test_the_direction_is_stated_of_features_over_time():
+    model = make_pipeline(RecordingStatistics(), CostSensitiveGaussianBayes(shrinkage=0.5))
+    reverse = Recording(X[0].signals, FS, velocity=-X[0].velocity, meta=X[0].meta)
+    table = score(model.fit(X, Y), [X[0], reverse])
+    assert table["outside_training"][0] == ""
+    assert table["outside_training"][1].startswith("100 % of the revolutions are in reverse")
 
 
 def test_a_router_decides_as_it_predicts():
