@@ -6,10 +6,11 @@ With each decision, what is unusual about its recording: `outside_training` and 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import chain
+from threading import local
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,7 @@ from emacm.resampling.order_resampler import OrderResampler
 from emacm.stroke_features.transformer import StrokeFeatures
 
 Row = dict[str, Any]
+_show = warnings.showwarning
 P_UNKNOWN = "P(unknown)"  # the column, whatever the label of the unknown state
 
 
@@ -221,12 +223,32 @@ def scored_rows(
     at_once = min(32, -(-len(sources) // effective_n_jobs(n_jobs))) or 1
     starts = range(0, len(sources), at_once)
     batches = [[part[i : i + at_once] for i in starts] for part in (sources, names)]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # the rows contain them
+    with _warnings_by_thread():
         rows = run(partial(_scored_batch, model, facts), *batches, n_jobs=n_jobs)
     return list(chain.from_iterable(rows))
 
 
+_reading = local()  # `warnings`: those of the recording that a thread reads
+
+
+def _keep(message: Any, category: Any, *place: Any) -> None:
+    """Keep a warning for the row of the recording that is read; the rows contain what matters."""
+    if (kept := getattr(_reading, "warnings", None)) is not None:
+        kept.append(str(message))
+    elif not issubclass(category, UserWarning):
+        _show(message, category, *place)
+
+
+@contextmanager
+def _warnings_by_thread() -> Iterator[None]:
+    """Pass warnings to `_keep`: those that are recorded by `catch_warnings` are of all threads."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", UserWarning)
+        warnings.showwarning = _keep
+        yield
+
+
+@_warnings_by_thread()  # in another process
 def _scored_batch(
     model: Any, facts: Callable[[Any], Row] | None, sources: Sequence[Any], names: Sequence[Any]
 ) -> list[Row]:
@@ -238,18 +260,19 @@ def _scored_batch(
     n_bytes = 0
     for source, name in zip(sources, names, strict=True):
         rows.append(empty | {"recording": name})
+        _reading.warnings = caught = list[str]()
         try:
-            with warnings.catch_warnings(record=True) as caught:
-                warnings.simplefilter("always", UserWarning)
-                recording = source() if callable(source) else source
-                if not isinstance(recording, Recording):
-                    raise TypeError(f"expected a recording, got {received(recording)}")
-                series = recording.series.values()  # read now
-                rows[-1] |= facts(recording) if facts else {}
+            recording = source() if callable(source) else source
+            if not isinstance(recording, Recording):
+                raise TypeError(f"expected a recording, got {received(recording)}")
+            series = recording.series.values()  # read now
+            rows[-1] |= facts(recording) if facts else {}
         except Exception as error:  # any error is the result for this recording
             rows[-1]["error"] = _text_of(error)
             continue
-        rows[-1]["warnings"] = "; ".join(str(item.message) for item in caught)
+        finally:
+            _reading.warnings = None
+        rows[-1]["warnings"] = "; ".join(caught)
         opened.append((rows[-1], recording))
         n_bytes += sum(len(samples) * samples.dtype.itemsize for samples in series)
         if n_bytes > 1 << 25:
