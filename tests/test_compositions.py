@@ -5,7 +5,7 @@
 
 import re
 from copy import deepcopy
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import joblib
@@ -15,6 +15,7 @@ import pytest
 import sklearn
 from sklearn.calibration import CalibratedClassifierCV
 from sklearn.compose import ColumnTransformer, make_column_selector
+from sklearn.frozen import FrozenEstimator
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_predict
 from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import FunctionTransformer
@@ -35,7 +36,7 @@ def prices(inspection):
     return pd.DataFrame(costs, index=[*STATES, "inspect"], columns=STATES)
 
 
-def run(seed, state="healthy", *, gain=1.0, noise=0.0, line=0.0, factor=1.0, unit="g", second=0.0):
+def run(seed, state="healthy", *, gain=1, noise=0, line=0, factor=1, unit="g", second=0, load=20):
     """Two channels at nearly constant speed; an inner fault is a line at order 3.4, outer 5.6."""
     rng = np.random.default_rng([seed, STATES.index(state)])
     velocity = SPEED * (1 + 0.02 * np.sin(2 * np.pi * np.arange(N) / N))
@@ -48,7 +49,7 @@ def run(seed, state="healthy", *, gain=1.0, noise=0.0, line=0.0, factor=1.0, uni
     if noise:  # of the converter alone: the sensor has no signal
         vibration = noise * rng.standard_normal(N)
     signals = {"vibration": gain * vibration, "current": current}
-    units, meta = {"vibration": unit, "current": "A"}, {"load": 20, "unit": seed}
+    units, meta = {"vibration": unit, "current": "A"}, {"load": load, "unit": seed}
     return emacm.Recording(signals, FS, velocity=factor * velocity, units=units, meta=meta)
 
 
@@ -165,6 +166,12 @@ def stated(model, recording):
 def classifiers(model):
     """Return the Gaussian classifiers of a model."""
     return [part for part in parts_of(model) if hasattr(part, "covariances_")]
+
+
+def reading(model, recording):
+    monitor = emacm.OrderMonitor(model, fs=FS, channels=recording.channels, max_speed=900.0)
+    monitor.push(dict(recording.signals), velocity=recording.velocity)
+    return monitor.flush()[-1]
 
 
 def unknown_state(model):
@@ -330,23 +337,88 @@ def test_maintenance_report(model_of_all, tmp_path):
 
 
 def test_order_monitor(model_of_all):
-    def reading(recording):
-        monitor = emacm.OrderMonitor(
-            model_of_all, fs=FS, channels=recording.channels, max_speed=900.0
-        )
-        monitor.push(dict(recording.signals), velocity=recording.velocity)
-        return monitor.flush()[-1]
-
-    assert reading(LIKE_NOTHING).decision == "unknown"
-    assert reading(LIKE_NOTHING).typicality < 0.02 < reading(X[0]).typicality
-    assert reading(DEAD[0]).decision not in STATES
+    found = partial(reading, model_of_all)
+    assert found(LIKE_NOTHING).decision == "unknown"
+    assert found(LIKE_NOTHING).typicality < 0.02 < found(X[0]).typicality
+    assert found(DEAD[0]).decision not in STATES
     for recording, kind in ((WITH_LINE, "new line"), (LOUD, "level"), (IN_RPM, "speed")):
-        assert kind in {statement.kind for statement in reading(recording).outside_training}
-    for found in map(reading, TWO_FAULTS):
-        kinds = {statement.kind for statement in found.outside_training}
-        assert found.decision == "unknown" or "second state" in kinds
+        assert kind in {statement.kind for statement in found(recording).outside_training}
+    for second in map(found, TWO_FAULTS):
+        kinds = {statement.kind for statement in second.outside_training}
+        assert second.decision == "unknown" or "second state" in kinds
     model_of_all.set_params(costsensitivegaussianbayes__cost=prices(1e-6))
-    assert reading(X[0]).decision == "inspect"
+    assert found(X[0]).decision == "inspect"
+
+
+def test_order_monitor_of_a_search_after_the_spectra():
+    search = GridSearchCV(
+        make_pipeline(bins(), bayes(unknown="new")),
+        {"pipeline__bintransformer__bin_size": [1, 2]},
+        cv=GroupKFold(2),
+    )
+    model = make_pipeline(emacm.OrderResampler(2 * np.pi / 32), emacm.OrderPSD(4), search)
+    with sklearn.config_context(enable_metadata_routing=True):
+        found = reading(model.fit(X, Y, groups=GROUPS), LIKE_NOTHING)
+    assert found.decision == "new"
+    assert found.alarms == ("unknown state",)
+    assert found.typicality < 0.02 < found.unknown_proba
+    assert found.expected_cost == 0.5
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [slice(65), list(range(65)), np.arange(130) < 65, slice("vibration@0", "vibration@16")],
+)
+def test_a_new_line_is_stated_of_columns_in_any_form(columns):
+    model = by_columns()
+    # The remainder, the current, is given by positions.
+    model[1].set_params(transformers=[("first", bins(), columns)], remainder=bins())
+    with sklearn.config_context(enable_metadata_routing=True):
+        new_line(model.fit(X, Y, groups=GROUPS))
+
+
+FROZEN = {
+    "as a whole": lambda model: FrozenEstimator(model),
+    "with other costs": lambda model: emacm.LeastRiskClassifier(
+        FrozenEstimator(model), prices(0.5)
+    ).fit(X, Y),
+    "as features": lambda model: make_pipeline(FrozenEstimator(model[:-1]), bayes()).fit(
+        X, Y, costsensitivegaussianbayes__groups=GROUPS
+    ),
+}
+
+
+@pytest.mark.parametrize("part", FROZEN)
+def test_a_frozen_model_keeps_its_promises(part):
+    model = FROZEN[part](fitted("Pipeline"))
+    for check in (unknown_state, dead_channel, new_line, typicality, second_state):
+        check(model)
+
+
+ROUTERS = {
+    "behind the resampler": lambda: make_pipeline(
+        emacm.OrderResampler(2 * np.pi / 32),
+        emacm.ConditionRouter(make_pipeline(emacm.OrderPSD(4), bins(), bayes())),
+    ),
+    "of routers": lambda: emacm.ConditionRouter(
+        emacm.ConditionRouter(pipeline()), lambda recording: recording.meta["unit"] % 2
+    ),
+}
+
+
+@pytest.mark.parametrize("place", ROUTERS)
+def test_each_recording_of_a_batch_is_decided_for_its_condition(place):
+    heavy = [run(int(unit), state, gain=2, load=40) for unit, state in zip(GROUPS, Y, strict=True)]
+    with sklearn.config_context(enable_metadata_routing=True):
+        model = ROUTERS[place]().fit([*X, *heavy], [*Y, *Y], groups=[*GROUPS, *GROUPS])
+    new = [run(50, "inner"), run(50, "inner", gain=2, load=40), run(50), run(50, gain=2, load=40)]
+    decided = ["inner", "inner", "healthy", "healthy"]
+    assert emacm.score(model, new)["decision"].tolist() == model.predict(new).tolist() == decided
+    assert stated(model, run(50, gain=2, load=40, line=0.3)) == {("new line", "vibration")}
+    (name,) = (key for key in model.get_params() if key.endswith("bayes__cost"))
+    model.set_params(**{name: prices(1e-6)})
+    assert emacm.score(model, new)["decision"].tolist() == model.predict(new).tolist()
+    assert {*model.predict(new)} == {"inspect"}
 
 
 @pytest.mark.parametrize("with_healthy", [False, True])

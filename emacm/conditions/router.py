@@ -221,6 +221,8 @@ class ConditionRouter(
         present = copy.copy(classifier)
         for name in {"cost", "priors"} & set(classifier.get_params(deep=False)):
             setattr(present, name, getattr(self, name))
+        if isinstance(classifier, ConditionRouter):  # it has those of its own estimator
+            present.estimator = clone(final_estimator(self.estimator).estimator)
         return narrowed(present, classifier.classes_, self.classes_)
 
     def predict(self, X: Any) -> NDArray[Any]:

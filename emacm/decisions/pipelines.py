@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sklearn import get_config
 from sklearn.base import BaseEstimator
 from sklearn.compose import ColumnTransformer
+from sklearn.frozen import FrozenEstimator
 from sklearn.pipeline import Pipeline
 from sklearn.utils import metadata_routing
 from sklearn.utils.validation import has_fit_parameter
@@ -173,7 +174,9 @@ def groups_are_units(estimator: Any) -> bool:
 
 
 def search_estimator(estimator: Any) -> Any:
-    """Return the best estimator of a search, before the fit its template; others unchanged.
+    """Return the best estimator of a search, before the fit its template, or a frozen one.
+
+    Others are unchanged.
 
     Examples
     --------
@@ -183,7 +186,9 @@ def search_estimator(estimator: Any) -> Any:
     GaussianNB()
     """
     if hasattr(estimator, "best_estimator_"):
-        return estimator.best_estimator_
+        return search_estimator(estimator.best_estimator_)
+    if isinstance(estimator, FrozenEstimator):
+        return search_estimator(estimator.estimator)
     if hasattr(estimator, "param_grid") or hasattr(estimator, "param_distributions"):
         return estimator.estimator
     return estimator
@@ -235,8 +240,8 @@ def check_unknown_states(model: Any) -> None:
 
 def fitted_resamplers(model: Any) -> list[OrderResampler]:
     """Return the fitted resamplers of a model."""
-    parts = [part for part in parts_of(model) if isinstance(part, OrderResampler)]
-    return [part for part in parts if hasattr(part, "channels_")]
+    parts = parts_of(model)
+    return [p for p in parts if isinstance(p, OrderResampler) and hasattr(p, "channels_")]
 
 
 def parts_with_input(model: Any, X: Any, kinds: Any) -> Iterator[tuple[Any, Any]]:
@@ -255,7 +260,7 @@ def parts_with_input(model: Any, X: Any, kinds: Any) -> Iterator[tuple[Any, Any]
     if isinstance(model, kinds):
         yield model, X
     elif hasattr(model, "models_of"):  # a router
-        yield from parts_with_input(model.models_of(X)[0], X, kinds)
+        yield from parts_with_input(model.models_of(X)[0], model.inner(X), kinds)
     elif not isinstance(model, Pipeline):
         for part, own in _members(model, X):
             yield from parts_with_input(part, own, kinds)
@@ -273,7 +278,8 @@ def _members(model: Any, X: Any) -> Iterator[tuple[Any, Any]]:
     if isinstance(model, ColumnTransformer):
         for _, part, columns in model.transformers_:
             if hasattr(part, "fit"):
-                yield part, X[columns] if isinstance(X, pd.DataFrame) else X[:, columns]
+                names = getattr(part, "feature_names_in_", columns)
+                yield part, X[names] if isinstance(X, pd.DataFrame) else X[:, columns]
         return
     parts = [step for _, step in getattr(model, "transformer_list", ())]
     inner = ("estimator_", "transformer_", "resampler_")

@@ -44,13 +44,14 @@ def _columns(step: Any, names: Any, scales: Array) -> tuple[Any, Array]:
     for a power, NaN for anything else.
     """
     if isinstance(step, Pipeline):
-        for _, inner in _flat_steps(step):
+        for _, inner in flat_steps(step):
             names, scales = _columns(inner, names, scales)
         return names, scales
     if isinstance(step, FeatureBaseline):  # a difference of levels is one in dB
         return _columns(step.transformer_, names, scales)
     if isinstance(step, FeatureUnion):
-        parts = [(prefix, *_columns(own, names, scales)) for prefix, own in step.transformer_list]
+        members = [(prefix, own) for prefix, own in step.transformer_list if own != "drop"]
+        parts = [(prefix, *_columns(own, names, scales)) for prefix, own in members]
         if any(own is None for _, own, _ in parts):
             return None, scales
         verbose = step.verbose_feature_names_out
@@ -114,7 +115,7 @@ class OpenedPipeline:
         step that turns the recordings `X` into a table, such as a `FeatureUnion`.
         """
         refuse_single(X)
-        *steps, (name, classifier) = _flat_steps(pipeline)
+        *steps, (name, classifier) = flat_steps(pipeline)
         if isinstance(classifier, ConditionRouter) and not steps:
             return cls._of_condition(classifier, X)
         if not isinstance(classifier, CostSensitiveGaussianBayes):
@@ -244,13 +245,13 @@ def one_recording(x: Any) -> Any:
     return x
 
 
-def _flat_steps(estimator: Any, name: str = "") -> list[tuple[str, Any]]:
+def flat_steps(estimator: Any, name: str = "") -> list[tuple[str, Any]]:
     """Return the steps that do something, with nested pipelines and searches opened."""
     opened = search_estimator(estimator)
     if not isinstance(opened, Pipeline):
         return [(name or type(opened).__name__.lower(), opened)]
     steps = [own for own in opened.steps if own[1] not in (None, "passthrough")]
-    return [flat for inner, step in steps for flat in _flat_steps(step, inner)]
+    return [flat for inner, step in steps for flat in flat_steps(step, inner)]
 
 
 def _first_table(steps: Steps, X: Any) -> int:

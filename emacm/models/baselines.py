@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from sklearn import config_context
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
@@ -239,10 +240,12 @@ def evaluated_and_fitted(
     """
     if not isinstance(model, Pipeline) or not isinstance(model[0], FeatureBaseline):
         found = evaluate(model, X, y, units=groups, healthy=healthy)
-        model.fit(X, y, **groups_options(model, groups))
+        with config_context(enable_metadata_routing=True):  # they reach bins in a FeatureUnion
+            model.fit(X, y, **groups_options(model, groups))
         features = model[:-1].transform(X) if isinstance(model, Pipeline) else X
         return found, model, np.asarray(features)
-    baseline, last = model[0].fit(X, y, groups), model[-1]
+    with config_context(enable_metadata_routing=True):
+        baseline, last = model[0].fit(X, y, groups), model[-1]
     features, is_healthy = baseline.transformer_.transform(X), healthy_recordings(X, y, healthy)
     conditions = read_meta(X, baseline.condition)
     features = left_out_differences(np.asarray(features), conditions, is_healthy)

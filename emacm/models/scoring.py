@@ -6,10 +6,11 @@ With each decision, what is unusual about its recording: `outside_training` and 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import chain
+from threading import local
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from emacm.decisions.pipelines import (
     check_unknown_states,
     final_estimator,
     fitted_resamplers,
+    parts_of,
     parts_with_input,
     search_estimator,
 )
@@ -41,6 +43,7 @@ from emacm.resampling.order_resampler import OrderResampler
 from emacm.stroke_features.transformer import StrokeFeatures
 
 Row = dict[str, Any]
+_show = warnings.showwarning
 P_UNKNOWN = "P(unknown)"  # the column, whatever the label of the unknown state
 
 
@@ -220,12 +223,32 @@ def scored_rows(
     at_once = min(32, -(-len(sources) // effective_n_jobs(n_jobs))) or 1
     starts = range(0, len(sources), at_once)
     batches = [[part[i : i + at_once] for i in starts] for part in (sources, names)]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # the rows contain them
+    with _warnings_by_thread():
         rows = run(partial(_scored_batch, model, facts), *batches, n_jobs=n_jobs)
     return list(chain.from_iterable(rows))
 
 
+_reading = local()  # `warnings`: those of the recording that a thread reads
+
+
+def _keep(message: Any, category: Any, *place: Any) -> None:
+    """Keep a warning for the row of the recording that is read; the rows contain what matters."""
+    if (kept := getattr(_reading, "warnings", None)) is not None:
+        kept.append(str(message))
+    elif not issubclass(category, UserWarning):
+        _show(message, category, *place)
+
+
+@contextmanager
+def _warnings_by_thread() -> Iterator[None]:
+    """Pass warnings to `_keep`: those that are recorded by `catch_warnings` are of all threads."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", UserWarning)
+        warnings.showwarning = _keep
+        yield
+
+
+@_warnings_by_thread()  # in another process
 def _scored_batch(
     model: Any, facts: Callable[[Any], Row] | None, sources: Sequence[Any], names: Sequence[Any]
 ) -> list[Row]:
@@ -237,18 +260,19 @@ def _scored_batch(
     n_bytes = 0
     for source, name in zip(sources, names, strict=True):
         rows.append(empty | {"recording": name})
+        _reading.warnings = caught = list[str]()
         try:
-            with warnings.catch_warnings(record=True) as caught:
-                warnings.simplefilter("always", UserWarning)
-                recording = source() if callable(source) else source
-                if not isinstance(recording, Recording):
-                    raise TypeError(f"expected a recording, got {received(recording)}")
-                series = recording.series.values()  # read now
-                rows[-1] |= facts(recording) if facts else {}
+            recording = source() if callable(source) else source
+            if not isinstance(recording, Recording):
+                raise TypeError(f"expected a recording, got {received(recording)}")
+            series = recording.series.values()  # read now
+            rows[-1] |= facts(recording) if facts else {}
         except Exception as error:  # any error is the result for this recording
             rows[-1]["error"] = _text_of(error)
             continue
-        rows[-1]["warnings"] = "; ".join(str(item.message) for item in caught)
+        finally:
+            _reading.warnings = None
+        rows[-1]["warnings"] = "; ".join(caught)
         opened.append((rows[-1], recording))
         n_bytes += sum(len(samples) * samples.dtype.itemsize for samples in series)
         if n_bytes > 1 << 25:
@@ -300,13 +324,15 @@ def _fill(model: Any, opened: list[tuple[Row, Recording]]) -> None:
         _fill(model, [opened[i] for i in part])
 
 
-def _by_condition(model: Any, recordings: Sequence[Recording]) -> list[NDArray[np.intp]]:
-    """Return the numbers of the recordings that have the same classifier."""
-    router = search_estimator(model)
-    if not isinstance(router, ConditionRouter):
-        return [np.arange(len(recordings))]
-    keys = [id(own) for own in router.models_of(recordings)]
-    return [np.flatnonzero([key == other for other in keys]) for key in dict.fromkeys(keys)]
+def _by_condition(model: Any, recordings: Any) -> list[NDArray[np.intp]]:
+    """Return the numbers of the recordings of each condition; of one, those of a router inside."""
+    parts = [np.arange(len(recordings))]
+    while len(parts) == 1 and isinstance(final_estimator(model), ConditionRouter):
+        router, entries = before_the_last_step(model, recordings)
+        models = router.models_of(entries)
+        parts = [np.flatnonzero([own is each for each in models]) for own in dict.fromkeys(models)]
+        model, recordings = models[0], router.inner(entries)
+    return parts
 
 
 def _results(model: Any, recordings: list[Recording]) -> list[Row]:
@@ -372,17 +398,20 @@ def opened_classifier(model: Any, X: list[Any]) -> tuple[Any, Any]:
     final, table = before_the_last_step(model, X)
     if not isinstance(final, ConditionRouter):
         return final, table
-    inner, features = opened_classifier(final.models_of(table)[0], table)
+    inner, features = opened_classifier(final.models_of(table)[0], final.inner(table))
     return final.with_present_costs(inner), features
 
 
 def _least_typical(model: Any, recording: Any) -> tuple[Any, Any]:
     """Return the classifier that knows least of a recording, of those combined, and its input."""
-    final, table = opened_classifier(model, [recording])
+    X = [recording]
+    if isinstance(final_estimator(model), ConditionRouter):
+        model, X = before_the_last_step(model, X)
+    final, table = opened_classifier(model, X)
     while isinstance(final, CombinedRiskMixin):
-        model, recording = final.least_typical(table), table
+        model, X = final.least_typical(table), table
         final, table = before_the_last_step(model, table)
-    return model, recording
+    return model, X
 
 
 def _reasons(model: Any, recording: Any, known: str, *otherwise: str, decision: Any = None) -> str:
@@ -397,7 +426,7 @@ def _reasons(model: Any, recording: Any, known: str, *otherwise: str, decision: 
 def _findings(model: Any, recordings: list[Recording]) -> list[Row]:
     """Return what is unusual about recordings of one condition as measured."""
     resamplers = fitted_resamplers(search_estimator(model))
-    if not resamplers:
+    if not any(isinstance(part, OrderResampler | StrokeFeatures) for part in parts_of(model)):
         return [{"warnings": "", "outside_training": ""}] * len(recordings)
     outside = outside_training(model, recordings)
     return [

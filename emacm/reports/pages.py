@@ -13,13 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm.conditions.router import ConditionRouter
-from emacm.decisions.pipelines import (
-    fitted_resamplers,
-    parts_of,
-    parts_with_input,
-    search_estimator,
-)
+from emacm.decisions.pipelines import parts_of, parts_with_input
 from emacm.decisions.risks import LeastRiskMixin
 from emacm.displays.drawn_values import envelopes_of
 from emacm.explanations.deviations import class_deviations, second_state_statement
@@ -42,6 +36,7 @@ from emacm.reports.facts import (
     when,
 )
 from emacm.reports.findings import Findings, Spectra, find_raised
+from emacm.resampling.order_resampler import OrderResampler
 
 Source = Callable[[], Any]  # of a recording
 Further = Callable[[Any], dict[str, Any]] | None  # values of a recording for its row
@@ -301,10 +296,7 @@ def _add_typicality(page: Page) -> None:
 
 def _add_warnings(page: Page, model: Any, recording: Recording) -> None:
     """State what is wrong with a recording, or that nothing is."""
-    own = search_estimator(model)
-    if isinstance(own, ConditionRouter):
-        own = own.models_of([recording])[0]
-    resamplers = fitted_resamplers(own)
+    resamplers = [part for part, _ in parts_with_input(model, [recording], OrderResampler)]
     usual = {kind for resampler in resamplers for kind in resampler.training_range_.defects}
     defects = scoring.defects_of(resamplers, recording)
     page.first = [defect.text for defect in defects if defect.kind not in usual]

@@ -16,6 +16,7 @@ from emacm._saved import Resumable
 from emacm._statements import Statement
 from emacm.decisions.pipelines import check_unknown_states, parts_with_input, search_estimator
 from emacm.explanations.deviations import second_state_statement
+from emacm.explanations.opened_pipelines import flat_steps
 from emacm.findings.quality import Quality
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
@@ -146,7 +147,7 @@ class StreamedModel:
             )
         check_is_fitted(model)
         check_unknown_states(model)
-        steps = _flattened(model)
+        steps = [step for _, step in flat_steps(model)]
         self.resampler, self.psd = [*steps, None, None][:2]
         for place, step, kind in (
             ("first", self.resampler, OrderResampler),
@@ -161,8 +162,7 @@ class StreamedModel:
         self._check_options()
         self.classifier = steps.pop() if hasattr(steps[-1], "predict_proba") else None
         self.transformers = steps[2:]
-        following = [*self.transformers, self.classifier][0]
-        self._names = getattr(following, "feature_names_in_", None)
+        self._names = getattr([*self.transformers, self.classifier][0], "feature_names_in_", None)
 
     def reading(
         self, start: float, time: float, powers: Array, quality: Quality, complete: bool = True
@@ -219,8 +219,8 @@ class StreamedModel:
         final = self.classifier
         if final is None:
             return {}
-        found: dict[str, Any] = {}
-        found["posterior"] = _labelled(final.classes_, final.predict_proba(table)[0])
+        posterior = _labelled(final.classes_, final.predict_proba(table)[0])
+        found: dict[str, Any] = {"posterior": posterior}
         if getattr(final, "unknown", None) is not None:
             found["unknown_proba"] = float(final.unknown_proba(table)[0])
         (found["decision"],) = np.asarray(final.predict(table)).tolist()
@@ -246,17 +246,6 @@ class StreamedModel:
         for option, present in refused.items():
             if present:
                 raise ValueError(f"a stream cannot be processed with {option}. Change the model.")
-
-
-def _flattened(model: Pipeline) -> list[Any]:
-    """Return the steps of nested pipelines, without those that pass their input through."""
-    steps: list[Any] = []
-    for _, step in model.steps:
-        if isinstance(step, Pipeline):
-            steps += _flattened(step)
-        elif step is not None and step != "passthrough":
-            steps.append(step)
-    return steps
 
 
 def _labelled(labels: Any, values: Any) -> dict[Any, float]:

@@ -156,6 +156,7 @@ def test_columns_that_are_no_powers_deviate_by_standard_deviations():
         [
             ("bins", make_pipeline(OrderPSD(4), BinTransformer(max_order=12), natural)),
             ("levels", RecordingStatistics(("mean", "std"), by_direction=False)),
+            ("not used", "drop"),
         ],
         verbose_feature_names_out=False,
     )

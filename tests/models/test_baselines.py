@@ -27,6 +27,7 @@ from emacm import (
 from emacm.__main__ import main
 from emacm.conditions.feature_baseline import left_out_differences
 from emacm.machine.rolling import bearing_of
+from emacm.models.baselines import evaluated_and_fitted
 from emacm.models.scoring import batch_statements
 from emacm.simulation.example_files import simulate_pump
 
@@ -61,6 +62,19 @@ def model():
     plain = spectrum_recipe(max_order=8, revolutions=8)
     relative = FeatureBaseline(plain[:-1], condition="unit", healthy="normal")
     return make_pipeline(relative, plain[-1]).fit(X, Y, **RUNS)
+
+
+@pytest.mark.parametrize("condition", [None, "unit"])
+def test_groups_of_a_recipe_reach_its_bins(condition):
+    """Of four groups, no line is known to be new."""
+    recipe = spectrum_recipe(max_order=8, revolutions=8)
+    if condition:
+        relative = FeatureBaseline(recipe[:-1], condition=condition, healthy="normal")
+        recipe = make_pipeline(relative, recipe[-1])
+    _, recipe, _ = evaluated_and_fitted(recipe, X, Y, np.arange(len(Y)) % 4, "normal")
+    tone = X[0].signals["sound"] + 0.5 * np.sin(3.4 * X[0].angle)
+    found = Recording({"sound": tone}, FS, velocity=X[0].velocity, meta=X[0].meta)
+    assert outside_training(recipe, [found]) == [[]]
 
 
 def test_a_unit_that_was_not_in_the_training_needs_healthy_recordings_and_says_so(model):

@@ -3,12 +3,15 @@
 import os
 import pickle
 import re
+import warnings
 from functools import partial
+from threading import Barrier
 
 import numpy as np
 import pandas as pd
 import pytest
 from order_models import log, order_bins
+from sklearn.pipeline import make_pipeline
 
 from emacm import (
     ConditionRouter,
@@ -17,6 +20,7 @@ from emacm import (
     OrderResampler,
     Recording,
     RecordingFolder,
+    RecordingStatistics,
     open_recording,
     score,
 )
@@ -83,6 +87,27 @@ def test_the_row_holds_the_results_of_the_model(model):
 
 def test_parallel_scoring_gives_the_same_table(model):
     pd.testing.assert_frame_equal(score(model, X, n_jobs=3), score(model, X))
+
+
+def test_threads_keep_the_warnings_of_their_own_recordings(model):
+    both = Barrier(2)
+
+    def opened(number):
+        both.wait(10)
+        warnings.warn(f"{number} has a gap.", UserWarning, stacklevel=1)
+        both.wait(10)
+        return X[number]
+
+    rows = scored_rows(model, [partial(opened, number) for number in (0, 1)], "AB", n_jobs=2)
+    assert [row["warnings"] for row in rows] == ["0 has a gap.", "1 has a gap."]
+
+
+def test_the_direction_is_stated_of_features_over_time():
+    model = make_pipeline(RecordingStatistics(), CostSensitiveGaussianBayes(shrinkage=0.5))
+    reverse = Recording(X[0].signals, FS, velocity=-X[0].velocity, meta=X[0].meta)
+    table = score(model.fit(X, Y), [X[0], reverse])
+    assert table["outside_training"][0] == ""
+    assert table["outside_training"][1].startswith("100 % of the revolutions are in reverse")
 
 
 def test_a_router_decides_as_it_predicts():
