@@ -397,11 +397,13 @@ def test_healthy_recordings_of_another_sampling_rate_and_their_spectra_are_refus
             find_faults([running()], BEARING, healthy=healthy)
 
 
-# A bearing whose outer ring is near whole orders (4.91 with 2 % of slip includes 5), and one whose
-# ball pass order of the outer ring is near twice the mains frequency at the speed below.
-NEAR_FIVE = Bearing(12, 6, 33)
+# Bearings whose outer ring is near whole orders (4.91 with 2 % of slip includes 5) and near half
+# orders (4.513), and one whose ball pass order of the outer ring is near twice the mains frequency
+# at the speed below.
+NEAR_FIVE, NEAR_HALF = Bearing(12, 6, 33), Bearing(11, 7, 39)
 RATE = 28.2
-STRIKES = {"a loose part": 1.0, "a belt": 0.4, "a piston": 0.5}  # per revolution
+# Per revolution.
+STRIKES = {"a loose part": 1.0, "a belt": 0.4, "a piston": 0.5, "three pistons": 1.5, "a ring": 4.5}
 NEAR = {"a loose part": NEAR_FIVE, "a piston": NEAR_FIVE, "blades": NEAR_FIVE}
 NEAR |= {"a belt": BEARING, "another shaft": BEARING}  # the cage
 
@@ -427,6 +429,12 @@ def healthy_machine(cause, fs=20_000, seconds=6, seed=11):
 @pytest.mark.parametrize(("cause", "bearing"), NEAR.items())
 def test_lines_that_are_not_of_the_bearing_are_not_named(cause, bearing):
     assert find_faults([healthy_machine(cause)], bearing)["named"].tolist() == ["none"]
+
+
+def test_a_ring_at_half_an_order_is_told_from_pistons_by_the_lines_between():
+    found = find_faults([healthy_machine(cause) for cause in ("three pistons", "a ring")], NEAR_HALF)
+    assert found["named"].tolist() == ["none", "BPFO"]
+    assert found["explanation"][0].endswith("as high, as with impacts of another source")
 
 
 def test_the_sentence_tells_that_a_single_line_is_a_modulation():
