@@ -585,14 +585,14 @@ def _check_rate(X: Any, measured: Measured, fs: float) -> None:
 def _sentence(fault: Fault, faults: Sequence[Fault], *, named: bool = True) -> str:
     """Describe the lines of a fault; if it is not named, after "highest"."""
     name, (*others, last) = fault.name, [f"{height:z.0f}" for height in fault.heights]
-    same = [f.name for f in faults if f.series.orders == fault.series.orders]
-    same = [other for other in same if other != name]
+    kinds = {f.name: f.series.kind for f in faults if f.series.orders == fault.series.orders}
+    same = [other for other in kinds if other != name]
     which = f"{name} (or {' or '.join(same)}: the same lines)" if same else name
     lines, verb = (f"{which} and its harmonics", "are") if others else (which, "is")
     beside = f", with {' and '.join(fault.sides)} sidebands" if fault.sides else ""
     heights = f"{', '.join(others)} and {last}" if others else last
     level = f"{heights} dB above the local background of the envelope spectrum{beside}"
-    kind = "" if fault.series.kind in ("given", name) else fault.series.kind
+    kind = fault.series.kind if {*kinds.values()} == {fault.series.kind} - {"given", name} else ""
     if not named:
         return f"{verb} {lines}{f' ({kind})' if kind else ''}, {level}"
     causes = [other.name for other in fault.modulated(faults)]

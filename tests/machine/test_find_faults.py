@@ -285,6 +285,13 @@ def test_of_two_equal_bearings_both_are_stated():
     parts = [Bearing(9, 7.94, 39.04, name=name) for name in ("drive end", "fan end")]
     text = find_faults([running("BPFO")], parts)["explanation"][0]
     assert text.startswith("drive end BPFO (or fan end BPFO: the same lines) and its harmonics are")
+    assert text.endswith(": outer ring")
+
+
+def test_lines_of_a_wheel_and_of_the_pinion_behind_it_are_not_said_to_be_of_one():
+    stages = [Gear(23, 67, name="first"), Gear(20, 50, ratio=23 / 67, name="second")]
+    text = find_faults([running("wheel", slip=0)], stages)["explanation"][0]
+    assert "first wheel (or second pinion: the same lines) and its harmonics, " in text
 
 
 def test_a_cage_beside_healthy_recordings_is_no_ring_and_a_new_belt_is_suspected():
