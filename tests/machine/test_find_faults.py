@@ -396,6 +396,16 @@ def test_scores_of_healthy_recordings_stand_for_them_and_the_table_shows_itself(
     assert "outer ring</td>" in by_scores._repr_html_()
 
 
+def test_a_weak_fault_at_a_load_that_no_healthy_recording_has_is_suspected():
+    healthy = healthy_scores([running(seed=seed, load=1.0) for seed in (1, 2, 3)], BEARING)
+    weak = {"strength": 0.13}
+    runs = [running("BPFO", load=1.0, **weak), running("BPFO", load=5.0, **weak)]
+    found = find_faults([*runs, running("BPFO", load=5.0)], BEARING, healthy=healthy)
+    assert found["named"].tolist() == ["BPFO", "none", "BPFO"]
+    assert found["suspected"].tolist() == ["none", "BPFO", "none"]
+    assert found["explanation"][1].endswith("; none of them has a load like 5.0")
+
+
 def test_healthy_recordings_of_another_sampling_rate_and_their_spectra_are_refused():
     slow = Recording({"casing": running().signals["casing"]}, FS / 2, velocity=30.0)
     spectra = bearing_recipe(BEARING)[:-1].fit_transform([running(seed=1)])
@@ -439,7 +449,8 @@ def test_lines_that_are_not_of_the_bearing_are_not_named(cause, bearing):
 
 
 def test_a_ring_at_half_an_order_is_told_from_pistons_by_the_lines_between():
-    found = find_faults([healthy_machine(cause) for cause in ("three pistons", "a ring")], NEAR_HALF)
+    runs = [healthy_machine(cause) for cause in ("three pistons", "a ring")]
+    found = find_faults(runs, NEAR_HALF)
     assert found["named"].tolist() == ["none", "BPFO"]
     assert found["explanation"][0].endswith("as high, as with impacts of another source")
 
