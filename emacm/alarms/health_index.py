@@ -321,14 +321,14 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         n_groups = len(set(groups))
         if not n_groups:
             raise ValueError(
-                "there is no limit, as no healthy group can be left out. Take groups that are "
-                "smaller, such as runs, or more healthy recordings."
+                "there is no limit, as no healthy group can be left out. Take smaller groups, as "
+                "runs, or more healthy recordings; a unit without any needs those of two others, "
+                "or none named (leave out units, or --unit)."
             )
         if self.few_groups == "log-normal" and 1 < n_groups < groups_needed(1 - self.false_alarm):
             largest = np.log(pd.Series(values).groupby(groups).max())
-            quantile = student.ppf(1 - self.false_alarm, n_groups - 1)
-            deviation = largest.std() * np.sqrt(1 + 1 / n_groups)
-            return float(np.exp(largest.mean() + quantile * deviation))
+            factor = student.ppf(1 - self.false_alarm, n_groups - 1) * np.sqrt(1 + 1 / n_groups)
+            return float(np.exp(largest.mean() + factor * largest.std()))
         share = 1 - self.false_alarm
         remedy = "1 - coverage; raise it, or set few_groups='log-normal'"
         with located(f"limit for a false alarm rate of {self.false_alarm:g} ({remedy})"):

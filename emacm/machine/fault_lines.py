@@ -253,8 +253,8 @@ class LineLevels:
         float
             Median height of the lines between, over the mean height of the fault's lines: at the
             multiples of the fraction 1/2 to 1/24 of its lowest line (at least order 0.2) for which
-            it is largest, without sidebands and whole orders; if the fault's lines are at whole
-            orders, also at all of these.
+            it is largest, without sidebands and whole orders; if the fault's lines are at multiples
+            of half an order, as those of pistons, also with these at fractions that are such too.
         """
         heights = self.heights(psd)[0]
         highest = ndimage.maximum_filter1d(heights, 3)
@@ -271,8 +271,8 @@ class LineLevels:
         known = self.explained(fault, first / fault.orders[0] - 1, modulations) | self._of_shaft
         fractions = set(range(2, min(24, int(first / 0.2)) + 1)) - {fault.strikes}
         compared = [(n, known) for n in fractions]
-        if self._of_shaft[peaks].all():
-            compared.append((max(2, round(first)), np.zeros_like(known)))
+        if (_from_whole(2 * self.orders[peaks]) < 3 * self._step).all():
+            compared += [(n, np.zeros_like(known)) for n in fractions if round(2 * first) % n == 0]
         between = [0.0]
         for n, without in compared:
             parts = np.arange(1, n * len(multiples))

@@ -461,7 +461,7 @@ def _at_other_speed(recording: Recording, shift: float) -> Recording:
     """Return a recording whose stated speed is changed by a fraction."""
     motion = (1 + shift) * getattr(recording, recording.reference)
     shaft: dict[str, Any] = {recording.reference: motion, "shaft_fs": recording.shaft_fs}
-    return Recording(recording.signals, recording.fs, **shaft)
+    return Recording(recording.signals, recording.fs, **shaft, meta=recording.meta)
 
 
 def _order_spectra(over_angle: Any, recording: Recording, revolutions: int, top: float) -> Any:

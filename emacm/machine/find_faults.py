@@ -163,8 +163,8 @@ def find_faults(
     - 1x, 2x and orders of a mapping are named if their lines in that spectrum are 6 dB above. The
       orders 1 and 2 of a mapping are the shaft itself, and named by nothing else.
     - From two thirds of these limits on, they are suspected. If no healthy recording has the speed
-      (within 5 %) and, where loads are stated, the load (between theirs, or as near as a third of
-      their range or 10 % of the highest), these, and a gear in the envelope, are only suspected.
+      (within 5 %) and, where stated, the load (between theirs, or within a third of their range or
+      10 % of the highest), these, gears in the envelope and bearings below 6 dB are only suspected.
 
     Prewhitening removes impacts that repeat exactly, as in simulations without slip or of a tooth,
     and those that excite only a narrow resonance are weak in the whole band. Where nothing else is
@@ -418,7 +418,7 @@ def _named(case: _Case) -> _Finding | None:
     while fault := _further_fault(case, [fault.name for fault in named]):
         named.append(fault)
     text = "; ".join(_sentence(fault, case.faults) for fault in named)
-    doubt = "" if case.best.series.slips else case.missing
+    doubt = "" if named[0].series.slips and named[0].score >= case.settings.named else case.missing
     return _named_unless(doubt, " + ".join(map(case.name_of, named)), case.best, text)
 
 
@@ -585,14 +585,14 @@ def _check_rate(X: Any, measured: Measured, fs: float) -> None:
 def _sentence(fault: Fault, faults: Sequence[Fault], *, named: bool = True) -> str:
     """Describe the lines of a fault; if it is not named, after "highest"."""
     name, (*others, last) = fault.name, [f"{height:z.0f}" for height in fault.heights]
-    same = [f.name for f in faults if f.series.orders == fault.series.orders]
-    same = [other for other in same if other != name]
+    kinds = {f.name: f.series.kind for f in faults if f.series.orders == fault.series.orders}
+    same = [other for other in kinds if other != name]
     which = f"{name} (or {' or '.join(same)}: the same lines)" if same else name
     lines, verb = (f"{which} and its harmonics", "are") if others else (which, "is")
     beside = f", with {' and '.join(fault.sides)} sidebands" if fault.sides else ""
     heights = f"{', '.join(others)} and {last}" if others else last
     level = f"{heights} dB above the local background of the envelope spectrum{beside}"
-    kind = "" if fault.series.kind in ("given", name) else fault.series.kind
+    kind = fault.series.kind if {*kinds.values()} == {fault.series.kind} - {"given", name} else ""
     if not named:
         return f"{verb} {lines}{f' ({kind})' if kind else ''}, {level}"
     causes = [other.name for other in fault.modulated(faults)]

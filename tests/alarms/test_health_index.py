@@ -338,3 +338,7 @@ def test_a_limit_needs_more_than_one_group():
     index = HealthIndex().fit(X, groups=["run 1"] * 30)
     with pytest.raises(ValueError, match="no healthy group can be left out"):
         index.limit()
+    index.fit(X, groups=np.arange(30), units=["press"] * 30)
+    assert index.limit("press") > 0
+    with pytest.raises(ValueError, match="a unit without any needs those of two others"):
+        index.limit("lathe")

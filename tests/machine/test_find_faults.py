@@ -285,6 +285,13 @@ def test_of_two_equal_bearings_both_are_stated():
     parts = [Bearing(9, 7.94, 39.04, name=name) for name in ("drive end", "fan end")]
     text = find_faults([running("BPFO")], parts)["explanation"][0]
     assert text.startswith("drive end BPFO (or fan end BPFO: the same lines) and its harmonics are")
+    assert text.endswith(": outer ring")
+
+
+def test_lines_of_a_wheel_and_of_the_pinion_behind_it_are_not_said_to_be_of_one():
+    stages = [Gear(23, 67, name="first"), Gear(20, 50, ratio=23 / 67, name="second")]
+    text = find_faults([running("wheel", slip=0)], stages)["explanation"][0]
+    assert "first wheel (or second pinion: the same lines) and its harmonics, " in text
 
 
 def test_a_cage_beside_healthy_recordings_is_no_ring_and_a_new_belt_is_suspected():
@@ -389,6 +396,16 @@ def test_scores_of_healthy_recordings_stand_for_them_and_the_table_shows_itself(
     assert "outer ring</td>" in by_scores._repr_html_()
 
 
+def test_a_weak_fault_at_a_load_that_no_healthy_recording_has_is_suspected():
+    healthy = healthy_scores([running(seed=seed, load=1.0) for seed in (1, 2, 3)], BEARING)
+    weak = {"strength": 0.13}
+    runs = [running("BPFO", load=1.0, **weak), running("BPFO", load=5.0, **weak)]
+    found = find_faults([*runs, running("BPFO", load=5.0)], BEARING, healthy=healthy)
+    assert found["named"].tolist() == ["BPFO", "none", "BPFO"]
+    assert found["suspected"].tolist() == ["none", "BPFO", "none"]
+    assert found["explanation"][1].endswith("; none of them has a load like 5.0")
+
+
 def test_healthy_recordings_of_another_sampling_rate_and_their_spectra_are_refused():
     slow = Recording({"casing": running().signals["casing"]}, FS / 2, velocity=30.0)
     spectra = bearing_recipe(BEARING)[:-1].fit_transform([running(seed=1)])
@@ -397,11 +414,13 @@ def test_healthy_recordings_of_another_sampling_rate_and_their_spectra_are_refus
             find_faults([running()], BEARING, healthy=healthy)
 
 
-# A bearing whose outer ring is near whole orders (4.91 with 2 % of slip includes 5), and one whose
-# ball pass order of the outer ring is near twice the mains frequency at the speed below.
-NEAR_FIVE = Bearing(12, 6, 33)
+# Bearings whose outer ring is near whole orders (4.91 with 2 % of slip includes 5) and near half
+# orders (4.513), and one whose ball pass order of the outer ring is near twice the mains frequency
+# at the speed below.
+NEAR_FIVE, NEAR_HALF = Bearing(12, 6, 33), Bearing(11, 7, 39)
 RATE = 28.2
-STRIKES = {"a loose part": 1.0, "a belt": 0.4, "a piston": 0.5}  # per revolution
+# Per revolution.
+STRIKES = {"a loose part": 1.0, "a belt": 0.4, "a piston": 0.5, "three pistons": 1.5, "a ring": 4.5}
 NEAR = {"a loose part": NEAR_FIVE, "a piston": NEAR_FIVE, "blades": NEAR_FIVE}
 NEAR |= {"a belt": BEARING, "another shaft": BEARING}  # the cage
 
@@ -427,6 +446,13 @@ def healthy_machine(cause, fs=20_000, seconds=6, seed=11):
 @pytest.mark.parametrize(("cause", "bearing"), NEAR.items())
 def test_lines_that_are_not_of_the_bearing_are_not_named(cause, bearing):
     assert find_faults([healthy_machine(cause)], bearing)["named"].tolist() == ["none"]
+
+
+def test_a_ring_at_half_an_order_is_told_from_pistons_by_the_lines_between():
+    runs = [healthy_machine(cause) for cause in ("three pistons", "a ring")]
+    found = find_faults(runs, NEAR_HALF)
+    assert found["named"].tolist() == ["none", "BPFO"]
+    assert found["explanation"][0].endswith("as high, as with impacts of another source")
 
 
 def test_the_sentence_tells_that_a_single_line_is_a_modulation():

@@ -92,6 +92,18 @@ def test_a_gear_at_a_load_that_no_healthy_recording_has_is_suspected():
     assert found["explanation"][1].endswith("; none of them has a load like 2.0")
 
 
+def test_the_load_is_known_where_the_speed_is_corrected():
+    run = gearbox("pinion", load=2.0, seed=9)
+    shaft = 2 * sum(np.cos(n * run.angle) for n in range(1, 7))  # shows the true speed
+    stated = {"velocity": 1.01 * run.velocity, "meta": run.meta}
+    run = Recording({"case": run.signals["case"] + shaft}, FS, **stated)
+    low = [gearbox(load=load, seed=seed) for seed, load in enumerate((0.5, 0.5, 0.6, 0.6))]
+    found = find_faults([run], PAIR, healthy=low).iloc[0]
+    assert "speed corrected to" in found["explanation"]
+    assert "none of them has a load like 2.0" in found["explanation"]
+    assert found["named"] == "none"
+
+
 @pytest.mark.slow
 def test_a_broken_tooth_is_found_on_a_gear_rig_and_sound_gears_are_not_named():
     file = Path(os.environ.get("EMACM_DATA", "")) / "gear_and_motor" / "gear_rig_loads_0-80.npz"
