@@ -19,7 +19,9 @@ the limits of a first one was decided after false balls at both ends of CWRU had
 34 and two of 23 names), with no limit chosen for it. That sidebands explain lines only where most
 of them stand out, and the spectrum of 50 revolutions, were chosen on simulated bearings of other
 seeds than those printed; no name of CWRU or MFPT changed. That this spectrum names nothing that
-only the finer one tells from harmonics of the shaft follows a false ball of UESTC.
+only the finer one tells from harmonics of the shaft follows a false ball of UESTC. That bearings
+below 6 dB are only suspected, where no healthy recording has the load or speed, follows six wrong
+rings of UESTC, compared with healthy recordings of one other speed; the limit is that of naming.
 
 - "right", "wrong": faulty recordings with the exact name, or another one; "suspected": neither, but
   the right fault is suspected; "alarms": healthy recordings of which a fault is named.

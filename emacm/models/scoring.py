@@ -231,12 +231,12 @@ def scored_rows(
 _reading = local()  # `warnings`: those of the recording that a thread reads
 
 
-def _keep(message: Any, category: Any, *place: Any) -> None:
+def _keep(message: Any, category: Any, *place: Any, **more: Any) -> None:
     """Keep a warning for the row of the recording that is read; the rows contain what matters."""
     if (kept := getattr(_reading, "warnings", None)) is not None:
         kept.append(str(message))
     elif not issubclass(category, UserWarning):
-        _show(message, category, *place)
+        _show(message, category, *place, **more)
 
 
 @contextmanager

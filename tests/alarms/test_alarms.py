@@ -214,7 +214,7 @@ def test_invalid_readings_are_named():
         chart.update(pd.DataFrame({"rms": [np.nan], "crest": [1.0]}))
     with pytest.raises(TypeError, match="X has masked samples"):
         EWMA().fit(np.ma.masked_less(np.eye(3), 0.5))
-    with pytest.raises(TypeError, match="datetime64.* in column 'when'"):
+    with pytest.raises(TypeError, match=r"datetime64.* in column 'when'"):
         EWMA().fit(pd.DataFrame({"when": pd.date_range("2024", periods=9)}))
 
 
