@@ -66,7 +66,7 @@ def test_a_picture_is_drawn(here):
     ("arguments", "message"),
     [
         (["--groups", "run"], "has no meta key 'run'"),
-        (["--groups", "unit"], "Take groups that are smaller, such as runs"),
+        (["--groups", "unit"], "Take smaller groups, as runs"),
         (["--machine", "big"], "machine_class must be one of"),
         (["--time", "hour"], "its meta has no 'hour'"),
     ],
