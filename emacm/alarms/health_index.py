@@ -323,7 +323,7 @@ class HealthIndex(TransformerMixin, SavedEstimator):
             raise ValueError(
                 "there is no limit, as no healthy group can be left out. Take smaller groups, as "
                 "runs, or more healthy recordings; a unit without any needs those of two others, "
-                "or none named (leave out units, or --unit)."
+                "or name no units (units=, --unit)."
             )
         if self.few_groups == "log-normal" and 1 < n_groups < groups_needed(1 - self.false_alarm):
             largest = np.log(pd.Series(values).groupby(groups).max())

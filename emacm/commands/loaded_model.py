@@ -116,9 +116,9 @@ def _priors(text: str, known: Mapping[str, Any]) -> dict[Any, float]:
     try:
         priors = {known.get(n := name.strip(), n): float(value) for name, _, value in pairs}
         if len(priors) < len(pairs):
-            raise ValueError("a name occurs twice")
+            raise ValueError(text)
         return priors
     except ValueError as error:
         raise ValueError(
-            f"--priors must be 'uniform' or as in healthy=0.9,worn=0.1; got {text!r}."
+            f"--priors must be 'uniform' or as in healthy=0.9,worn=0.1, each once; got {text!r}."
         ) from error

@@ -390,7 +390,7 @@ class SignalBaseline(ConditionBaseline, auto_wrap_output_keys=None):  # type: ig
         if any(row.direction == "travel" or isinstance(row, ResidualRecording) for row in rows):
             raise ValueError(
                 "SignalBaseline needs strokes of one direction each, which direction='travel' of "
-                "OrderResampler joins, and no residuals. Use direction='strokes', and it once."
+                "OrderResampler joins, and no residuals. Use direction='strokes', and one only."
             )
 
 
