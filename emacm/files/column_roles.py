@@ -470,7 +470,7 @@ def _shaft(
     if len(columns) > 1 or {"lead", "vibration"} & form.keys():
         evens = [_known_rate(rates, name, name) for name in columns]
         if len({one.rate for one in evens}) > 1:
-            raise ValueError(f"the columns {list(columns)} of the angle have several rates.")
+            raise ValueError(f"{list(columns)} of the angle have several rates; name some of one.")
         signals = [_signal(content, name, f"the shaft column {name!r}") for name in columns]
         sampled = [one.resampled(signal) for one, signal in zip(evens, signals, strict=True)]
         angle, content.statements = stated_angle_of(form, sampled, evens[0].rate)
